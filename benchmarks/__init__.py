@@ -1,0 +1,1 @@
+"""The tables of the README, measured here and now."""

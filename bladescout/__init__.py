@@ -1,0 +1,1 @@
+"""Autonomous inspection of wind-turbine blades by drone."""

@@ -1,0 +1,1 @@
+"""Every number a person may set: frozen models, presets, scenarios."""

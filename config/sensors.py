@@ -1,0 +1,65 @@
+"""LiDAR, camera and gimbal: where they are mounted, reached, and what they can do."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from config.model import ConfigModel, NotNegative, Port, Positive
+
+
+class Lidar(ConfigModel):
+    """A Livox MID-360, its mounting on the body (FLU) and its network end points."""
+
+    source: Literal["livox", "bus"] = "livox"
+    """`livox`: the sensor's own UDP protocol; `bus`: someone else publishes scans on Zenoh."""
+    nose_down_deg: Annotated[float, Field(ge=-90, le=90)] = 23.0
+    """Mounting pitch; positive looks down (the paper writes -23)."""
+    offset_m: tuple[float, float, float] = (0.15, 0.0, 0.10)
+    """Sensor origin in the body frame (forward, left, up)."""
+    lidar_ip: str = "192.168.1.100"
+    host_ip: str = "192.168.1.5"
+    lidar_command_port: Port = 56100
+    host_command_port: Port = 56101
+    host_push_port: Port = 56201
+    host_point_port: Port = 56301
+    host_imu_port: Port = 56401
+    serial: str = ""
+    """Accept only this serial number; empty accepts the one at `lidar_ip`."""
+    scan_period_s: Annotated[float, Field(ge=0.02, le=1)] = 0.1
+    max_range_m: Positive = 70.0
+    blind_range_m: NotNegative = 0.5
+    receive_buffer_bytes: Annotated[int, Field(ge=65536)] = 4 * 1024 * 1024
+
+
+class Camera(ConfigModel):
+    """The inspection camera: picture geometry, live stream and shutter."""
+
+    source: Literal["rtsp", "bus"] = "rtsp"
+    stream_url: str = "rtsp://127.0.0.1:8554/live"
+    width_px: Annotated[int, Field(ge=64)] = 5184
+    height_px: Annotated[int, Field(ge=64)] = 3888
+    sensor_width_mm: Positive = 7.6
+    sensor_height_mm: Positive = 5.7
+    focal_length_mm: Positive = 20.0
+    offset_m: tuple[float, float, float] = (0.20, 0.0, -0.10)
+    """Optical centre in the body frame (forward, left, up)."""
+    min_interval_s: Positive = 1.2
+    """Shortest time between two photos."""
+    shutter_s: Positive = 1 / 2000
+    """Exposure time assumed for the motion-blur limit until the camera reports its own."""
+    max_blur_px: Positive = 0.7
+    stream_timeout_s: Positive = 2.0
+    component_id: Annotated[int, Field(ge=1, le=255)] = 100
+
+
+class Gimbal(ConfigModel):
+    """Gimbal limits, in degrees; pitch is positive upward, yaw relative to the nose."""
+
+    min_pitch_deg: Annotated[float, Field(ge=-120, le=0)] = -90.0
+    max_pitch_deg: Annotated[float, Field(ge=0, le=120)] = 30.0
+    max_yaw_deg: Annotated[float, Field(ge=0, le=320)] = 60.0
+    max_rate_dps: Positive = 60.0
+    aim_tolerance_deg: Positive = 1.0
+    component_id: Annotated[int, Field(ge=1, le=255)] = 154

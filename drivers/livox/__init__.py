@@ -1,0 +1,1 @@
+"""The Livox MID-360 in its own UDP protocol."""

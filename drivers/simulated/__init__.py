@@ -1,0 +1,1 @@
+"""The same devices, played by one synthetic world."""

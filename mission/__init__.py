@@ -1,0 +1,1 @@
+"""The inspection: flight, processes, remote control, records, command line."""

@@ -1,0 +1,1 @@
+"""Pure: observation in, command out."""

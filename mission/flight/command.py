@@ -1,0 +1,149 @@
+"""What the machine wants done at a tick, and the sensing task it sets. Plain, recordable values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from mission.flight.observation import Vec3
+
+
+class Phase(StrEnum):
+    """Where the mission is."""
+
+    IDLE = "idle"
+    PREFLIGHT = "preflight"
+    TAKEOFF = "takeoff"
+    ASCEND = "ascend"
+    APPROACH = "approach"
+    ESTIMATE = "estimate"
+    TRACK = "track"
+    RETURN = "return"
+    LANDED = "landed"
+    HOLD = "hold"
+    STAND_OFF = "stand_off"
+    RELEASED = "released"
+
+
+class MissionState(StrEnum):
+    """How the mission stands, or ended."""
+
+    IDLE = "idle"
+    RUNNING = "running"
+    PAUSED = "paused"
+    COMPLETED = "completed"
+    ENDED_SAFELY = "ended_safely"
+    REFUSED = "refused"
+    FAILED = "failed"
+    RELEASED = "released"
+
+
+class Action(StrEnum):
+    """A mode or arming command to the autopilot, acknowledged and retried by the shell."""
+
+    ARM = "arm"
+    DISARM = "disarm"
+    TAKEOFF = "takeoff"
+    OFFBOARD = "offboard"
+    HOLD = "hold"
+    RETURN = "return"
+    LAND = "land"
+
+
+@dataclass(frozen=True, slots=True)
+class Setpoint:
+    """Position with the velocity fed forward, local ENU, and the yaw (ENU, radians)."""
+
+    position_w: Vec3
+    velocity_w: Vec3
+    yaw_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class GimbalAim:
+    """Where the optical axis shall point: ENU yaw and pitch (positive up), radians."""
+
+    yaw_rad: float
+    pitch_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class PhotoCommand:
+    """Take one photo; the id is unique within the mission and comes back in its record."""
+
+    photo_id: int
+    blade: str
+    side: str
+    metre: float
+    distance_m: float
+    repeated: bool = False
+    marks: tuple[str, ...] = ()
+    """Why the photo may be doubtful: `exposure`, `aim`, `from_model`."""
+
+
+class SensingMode(StrEnum):
+    """What the perception pipeline shall compute besides clearance."""
+
+    IDLE = "idle"
+    TOWER = "tower"
+    ROTOR = "rotor"
+    BLADE = "blade"
+
+
+@dataclass(frozen=True, slots=True)
+class SensingTask:
+    """Set by the machine, carried out by sensing; clearance is always computed."""
+
+    mode: SensingMode
+    task_id: int
+    """A new id clears what was accumulated (a new scan position, a new blade)."""
+    tower_w: Vec3 | None = None
+    """Prior tower base."""
+    hub_w: Vec3 | None = None
+    normal_w: Vec3 | None = None
+    turbine: str = ""
+    """Name of the site: gives the catalogue's dimensions."""
+    blade: str = ""
+    blade_root_w: Vec3 | None = None
+    """Root flange and tip of the modelled axis of the tracked blade."""
+    blade_tip_w: Vec3 | None = None
+    half_width_m: float = 3.0
+    """Points within this distance of the modelled axis belong to the blade."""
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """What an operator is shown."""
+
+    phase: Phase
+    state: MissionState
+    words: str
+    """The reason or activity in one sentence."""
+    pass_index: int = 0
+    pass_count: int = 0
+    blade: str = ""
+    side: str = ""
+    metre: float | None = None
+    distance_m: float | None = None
+    clearance_m: float | None = None
+    stop_angle_deg: float | None = None
+    sigma_deg: float | None = None
+    photos: int = 0
+    coverage: float = 0.0
+    """Share of the planned metres photographed so far."""
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One tick's decision."""
+
+    tick: int
+    setpoint: Setpoint | None
+    """None: send none (not in offboard, or released)."""
+    action: Action | None
+    gimbal: GimbalAim | None
+    ev: float | None
+    photo: PhotoCommand | None
+    sensing: SensingTask
+    progress: Progress
+    takeoff_height_m: float | None = None

@@ -1,0 +1,1 @@
+"""What a mission leaves: catalogue, photos, recording, report."""

@@ -1,0 +1,1 @@
+"""Requests over Zenoh, client, fleet, console."""

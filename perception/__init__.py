@@ -1,0 +1,1 @@
+"""The method, pure: arrays in, frozen results out."""
