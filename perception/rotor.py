@@ -75,20 +75,20 @@ class Rotor:
 
 def down_in_plane(normal_w: Float, down_w: Float) -> Float:
     """Return the unit vector of ``down_w`` projected on the plane of ``normal_w``. Both (3,)."""
-    projected = down_w - (down_w @ normal_w) * normal_w
-    return projected / np.linalg.norm(projected)
+    projected: Float = down_w - (down_w @ normal_w) * normal_w
+    return projected / float(np.linalg.norm(projected))
 
 
 def right_in_plane(normal_w: Float, down_w: Float) -> Float:
     """Return the unit vector to the right of a viewer who looks along ``normal_w``."""
-    right: Float = np.cross(down_in_plane(normal_w, down_w), normal_w)
-    return right
+    return np.asarray(np.cross(down_in_plane(normal_w, down_w), normal_w), np.float64)
 
 
 def direction_at(angle_rad: float, normal_w: Float, down_w: Float, cone_rad: float = 0.0) -> Float:
-    """Return the unit direction at an angle from straight down, counter-clockwise seen from the front.
+    """Return the unit direction at an angle from straight down.
 
-    A positive cone leans the direction upwind, against ``normal_w``.
+    The angle runs counter-clockwise seen from the front. A positive cone leans the direction
+    upwind, against ``normal_w``.
     """
     down = down_in_plane(normal_w, down_w)
     right = right_in_plane(normal_w, down_w)
@@ -97,7 +97,7 @@ def direction_at(angle_rad: float, normal_w: Float, down_w: Float, cone_rad: flo
 
 
 def angle_of(direction_w: Float, normal_w: Float, down_w: Float) -> float:
-    """Return the angle (radians, (-pi, pi]) of a direction from straight down; see `direction_at`."""
+    """Return the angle from straight down (radians, (-pi, pi]); see `direction_at`."""
     down = down_in_plane(normal_w, down_w)
     right = right_in_plane(normal_w, down_w)
     return math.atan2(float(direction_w @ right), float(direction_w @ down))

@@ -1,0 +1,269 @@
+"""The Zenoh bus: sensor data, estimates and state between processes, requests from afar.
+
+Publishing never blocks the caller: one thread per session puts in order, and where the network
+does not keep up the oldest sensor data is dropped and counted. Subscriptions hand their samples
+to the event loop (or call straight back where there is no loop).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import threading
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+from types import TracebackType
+from typing import Self
+
+import zenoh
+
+from config.links import Bus as BusSettings
+
+log = logging.getLogger(__name__)
+
+#: More than this many messages waiting: sensor data is dropped, oldest first.
+MAX_WAITING = 512
+MAX_REQUEST_BYTES = 1 << 20
+
+
+class Key(StrEnum):
+    """Keys below ``bladescout/<vehicle>/`` (design, Bus keys)."""
+
+    SCAN = "sensor/lidar/scan"
+    FRAME = "sensor/camera/frame"
+    VEHICLE = "vehicle/state"
+    CLEARANCE = "perception/clearance"
+    OCCUPANCY = "perception/occupancy"
+    HUB_PRIOR = "perception/hub_prior"
+    ROTOR = "perception/rotor"
+    BLADE = "perception/blade"
+    EXPOSURE = "perception/exposure"
+    SENSING = "perception/health"
+    STATE = "mission/state"
+    EVENT = "mission/event"
+    OBSERVATION = "mission/observation"
+    COMMAND = "mission/command"
+    TASK = "mission/task"
+    INTENT = "mission/intent"
+    PHOTO = "mission/photo"
+    PHOTO_RESULT = "mission/photo_result"
+    REPORT = "mission/report"
+    RECORDED = "mission/recorded"
+    ALIVE = "alive"
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """One message as it came."""
+
+    key: str
+    """Below ``bladescout/<vehicle>/``."""
+    payload: bytes
+    attachment: bytes | None
+
+
+class BusUnreachable(ConnectionError):
+    """Nobody answers at the bus's end point, or it cannot be opened there."""
+
+
+def _session_config(mode: str, *, listen: str = "", connect: str = "") -> zenoh.Config:
+    config = zenoh.Config()
+    entries: dict[str, object] = {
+        "mode": mode,
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "listen/endpoints": [listen] if listen else [],
+        "connect/endpoints": [connect] if connect else [],
+        "connect/timeout_ms": 5000,
+        "connect/exit_on_failure": True,
+        "transport/shared_memory/enabled": False,
+        "transport/link/rx/max_message_size": 64 << 20,
+        "transport/link/tx/queue/size/data": 8,
+    }
+    for key, value in entries.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+class Bus:
+    """One session on the bus, below the keys of one vehicle."""
+
+    def __init__(
+        self, session: zenoh.Session, vehicle: str, loop: asyncio.AbstractEventLoop | None
+    ):
+        self._session = session
+        self._prefix = f"bladescout/{vehicle}/"
+        self._loop = loop
+        self._waiting: deque[tuple[str, bytes, str, bytes | None, bool]] = deque()
+        self._wake = threading.Condition()
+        self._closing = False
+        self._keep: list[object] = []
+        self.dropped = 0
+        self._thread = threading.Thread(target=self._put_waiting, name="bus-put", daemon=True)
+        self._thread.start()
+
+    @classmethod
+    def open_router(cls, settings: BusSettings, vehicle: str) -> Self:
+        """Open the router that all others connect to. Call with a running event loop."""
+        return cls._open(
+            _session_config("router", listen=settings.listen), settings.listen, vehicle
+        )
+
+    @classmethod
+    def open_client(cls, settings: BusSettings, vehicle: str) -> Self:
+        """Connect to the router, with or without a running event loop."""
+        endpoint = settings.endpoint
+        return cls._open(_session_config("client", connect=endpoint), endpoint, vehicle)
+
+    @classmethod
+    def _open(cls, config: zenoh.Config, endpoint: str, vehicle: str) -> Self:
+        try:
+            session = zenoh.open(config)
+        except zenoh.ZError as error:
+            raise BusUnreachable(f"no bus at {endpoint}: {error}") from error
+        try:
+            loop = asyncio.get_running_loop()
+        except RuntimeError:
+            loop = None
+        return cls(session, vehicle, loop)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Send what waits (for at most a second) and leave the bus."""
+        with self._wake:
+            self._closing = True
+            self._wake.notify()
+        self._thread.join(timeout=1.0)
+        self._session.close()
+
+    def publish(
+        self,
+        key: str,
+        payload: bytes,
+        *,
+        encoding: str = "application/json",
+        attachment: bytes | None = None,
+        droppable: bool = False,
+    ) -> None:
+        """Queue a message; `droppable` ones (sensor data) give way when the queue is full."""
+        with self._wake:
+            if len(self._waiting) >= MAX_WAITING and not self._make_room():
+                self.dropped += 1
+                return
+            self._waiting.append((key, payload, encoding, attachment, droppable))
+            self._wake.notify()
+
+    def _make_room(self) -> bool:
+        for index, item in enumerate(self._waiting):
+            if item[4]:
+                del self._waiting[index]
+                self.dropped += 1
+                return True
+        return False
+
+    def _put_waiting(self) -> None:
+        while True:
+            with self._wake:
+                while not self._waiting:
+                    if self._closing:
+                        return
+                    self._wake.wait()
+                key, payload, encoding, attachment, _ = self._waiting.popleft()
+            try:
+                self._session.put(
+                    self._prefix + key,
+                    payload,
+                    encoding=encoding,
+                    congestion_control=zenoh.CongestionControl.BLOCK,
+                    attachment=attachment,
+                    express=True,
+                )
+            except zenoh.ZError as error:
+                self.dropped += 1
+                log.error("not published on %s: %s", key, error)
+
+    def subscribe(self, key: str, on_sample: Callable[[Sample], None]) -> None:
+        """Call back with every sample of a key (`**` for all), in order."""
+
+        def receive(sample: zenoh.Sample) -> None:
+            self._deliver(on_sample, self._sample(sample))
+
+        self._keep.append(self._session.declare_subscriber(self._prefix + key, receive))
+
+    def subscribe_newest(self, key: str, on_sample: Callable[[Sample], None]) -> None:
+        """Call back with the newest sample only: a slow reader never sees old ones."""
+        lock = threading.Lock()
+        newest: list[Sample] = []
+
+        def hand_over() -> None:
+            with lock:
+                sample = newest.pop()
+            on_sample(sample)
+
+        def receive(raw: zenoh.Sample) -> None:
+            sample = self._sample(raw)
+            with lock:
+                pending = bool(newest)
+                newest[:] = [sample]
+            if not pending:
+                self._call(hand_over)
+
+        self._keep.append(self._session.declare_subscriber(self._prefix + key, receive))
+
+    def answer(self, key: str, on_request: Callable[[bytes], bytes]) -> None:
+        """Answer requests on a key; the callback runs on the loop and returns the reply."""
+
+        def reply(query: zenoh.Query, request: bytes) -> None:
+            with query:
+                query.reply(self._prefix + key, on_request(request), encoding="application/json")
+
+        def receive(query: zenoh.Query) -> None:
+            payload = query.payload
+            request = b"" if payload is None else payload.to_bytes()[: MAX_REQUEST_BYTES + 1]
+            self._call(lambda: reply(query, request))
+
+        self._keep.append(self._session.declare_queryable(self._prefix + key, receive))
+
+    def request(self, key: str, payload: bytes, timeout_s: float = 3.0) -> bytes | None:
+        """Ask and wait (blocking); None when nobody answers."""
+        replies = self._session.get(
+            self._prefix + key, payload=payload, timeout=timeout_s, encoding="application/json"
+        )
+        for reply in replies:
+            if reply.ok is not None:
+                return bytes(reply.ok.payload.to_bytes())
+        return None
+
+    def announce(self) -> None:
+        """Declare the liveliness token of this vehicle."""
+        self._keep.append(self._session.liveliness().declare_token(self._prefix + Key.ALIVE))
+
+    def _sample(self, sample: zenoh.Sample) -> Sample:
+        attachment = sample.attachment
+        return Sample(
+            str(sample.key_expr).removeprefix(self._prefix),
+            bytes(sample.payload.to_bytes()),
+            None if attachment is None else bytes(attachment.to_bytes()),
+        )
+
+    def _deliver(self, on_sample: Callable[[Sample], None], sample: Sample) -> None:
+        self._call(lambda: on_sample(sample))
+
+    def _call(self, function: Callable[[], None]) -> None:
+        if self._loop is None:
+            function()
+        elif not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(function)
