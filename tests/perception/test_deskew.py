@@ -53,12 +53,14 @@ def test_a_fixed_point_stays_fixed_however_the_vehicle_moves_and_turns(
     speed, yaw_rate, stamp, seed
 ):
     rng = np.random.default_rng(seed)
-    points_w = rng.normal((0, 0, 80), 20, (30, 3))
     ages = rng.uniform(0, 0.1, 30)
 
     def pose_of(t):
         return pose_at(t, velocity=(speed, 0.5, -speed), yaw_rate=yaw_rate)
 
+    ways = rng.normal(0, 1, (30, 3))
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    points_w = pose_of(stamp).position_w + ways * rng.uniform(3, 69, (30, 1))
     poses = [pose_of(stamp - 0.14 + 0.02 * k) for k in range(9)]
     found, origins = points_in_world(scan_of(points_w, ages, stamp, pose_of), poses, LIDAR)
     reach = np.linalg.norm(points_w - origins, axis=1)
