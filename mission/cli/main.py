@@ -1,0 +1,65 @@
+"""The command `bladescout`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mission.cli import config_command, remote_commands, report_commands, serve_command
+from mission.cli import simulate_command as simulation
+from mission.cli.exits import Exit, errors
+
+app = typer.Typer(
+    name="bladescout",
+    help="Inspect the blades of a stopped wind turbine by drone.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+)
+app.command("simulate")(simulation.simulate_command)
+app.command("serve")(serve_command.serve)
+remote_commands.mount(app)
+report_commands.mount(app)
+app.add_typer(config_command.app, name="config", help="Show and check the configuration.")
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version  # noqa: PLC0415 - only when asked for
+
+        typer.echo(f"bladescout {version('bladescout')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    """Inspect the blades of a stopped wind turbine by drone."""
+
+
+def run() -> None:
+    """Entry point: no traceback reaches a user."""
+    try:
+        app()
+    except KeyboardInterrupt:
+        errors.print("interrupted")
+        sys.exit(int(Exit.UNFINISHED))
+    except Exception as error:  # noqa: BLE001 - the last line of defence; logged in full below
+        log_file = Path("bladescout-error.log")
+        import traceback  # noqa: PLC0415 - only in this rare case
+
+        log_file.write_text(traceback.format_exc())
+        errors.print(f"[bold red]error:[/] {type(error).__name__}: {error}", soft_wrap=True)
+        errors.print(f"This is a defect of bladescout; the details are in {log_file}.")
+        sys.exit(int(Exit.FAILED))
+
+
+if __name__ == "__main__":
+    run()

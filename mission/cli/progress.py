@@ -1,0 +1,134 @@
+"""The live progress of a mission on a terminal, and the closing table."""
+
+from __future__ import annotations
+
+import time
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.panel import Panel
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
+
+from mission.remote.messages import EventMessage, StateMessage
+
+_SEVERITY_STYLE = {
+    "info": "dim",
+    "none": "dim",
+    "warn": "yellow",
+    "hold": "bold yellow",
+    "stand_off": "bold red",
+    "return": "bold red",
+    "land": "bold red",
+    "release": "bold magenta",
+}
+_PLAIN_PERIOD_S = 5.0
+
+
+def _or_dash(value: float | None, form: str) -> str:
+    return "-" if value is None else format(value, form)
+
+
+def _bar(share: float, width: int = 24) -> ProgressBar:
+    return ProgressBar(total=1.0, completed=min(1.0, max(0.0, share)), width=width)
+
+
+class LiveProgress:
+    """Shows the newest state; on a terminal in place, elsewhere a line every few seconds."""
+
+    def __init__(self, console: Console, title: str, *, silent: bool = False) -> None:
+        self._console = console
+        self._title = title
+        self._silent = silent
+        self._state: StateMessage | None = None
+        self._phase = ""
+        self._last_line = 0.0
+        interactive = console.is_terminal and not silent
+        self._live = Live(console=console, refresh_per_second=8) if interactive else None
+
+    def __enter__(self) -> Self:
+        if self._live is not None:
+            self._live.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._live is not None:
+            self._live.stop()
+
+    def on_state(self, state: StateMessage) -> None:
+        """Show a state."""
+        self._state = state
+        if self._silent:
+            return
+        if self._live is not None:
+            self._live.update(self._panel(state))
+            return
+        now = time.monotonic()
+        if now - self._last_line > _PLAIN_PERIOD_S or state.progress.phase != self._phase:
+            self._last_line, self._phase = now, state.progress.phase
+            self._console.print(self._line(state), highlight=False, soft_wrap=True)
+
+    def on_event(self, event: EventMessage) -> None:
+        """Print an event above the live panel."""
+        if self._silent or event.severity in ("info", "none"):
+            return
+        word = "cleared" if event.cleared else event.severity
+        style = "dim" if event.cleared else _SEVERITY_STYLE.get(event.severity, "")
+        self._console.print(
+            Text(f"{event.mission_s:7.1f} s  {word:9} {event.text}", style=style), soft_wrap=True
+        )
+
+    def _line(self, state: StateMessage) -> str:
+        p = state.progress
+        height = None if state.position_w is None else state.position_w[2]
+        parts = [
+            f"{state.mission_s:6.0f} s",
+            f"{p.phase:9}",
+            f"height {_or_dash(height, '.0f')} m",
+            f"clearance {_or_dash(p.clearance_m, '.1f')} m",
+            f"battery {_or_dash(None if state.battery is None else state.battery * 100, '.0f')} %",
+            f"angle {_or_dash(p.stop_angle_deg, '.2f')} deg",
+            f"photos {p.photos}",
+            f"coverage {p.coverage * 100:.0f} %",
+            f"x{state.factor:.1f}",
+            p.words,
+        ]
+        return " | ".join(parts)
+
+    def _panel(self, state: StateMessage) -> Panel:
+        p = state.progress
+        height = None if state.position_w is None else state.position_w[2]
+        left, right = Table.grid(padding=(0, 1)), Table.grid(padding=(0, 1))
+        for grid in (left, right):
+            grid.add_column(style="dim", min_width=11)
+            grid.add_column(min_width=22)
+        left.add_row("phase", Text(str(p.phase), style="bold cyan"))
+        left.add_row("height", f"{_or_dash(height, '.1f')} m")
+        left.add_row("distance", f"{_or_dash(p.distance_m, '.2f')} m")
+        left.add_row("clearance", f"{_or_dash(p.clearance_m, '.1f')} m")
+        angle = f"{_or_dash(p.stop_angle_deg, '.2f')} deg"
+        if p.sigma_deg is not None:
+            angle += f" +- {p.sigma_deg:.2f}"
+        left.add_row("stop angle", angle)
+        now = f"{p.blade} {p.side}  metre {_or_dash(p.metre, '.1f')}" if p.blade else "-"
+        right.add_row("blade", f"{now}  ({p.pass_index}/{p.pass_count})" if p.blade else "-")
+        right.add_row("photos", str(p.photos))
+        right.add_row("coverage", _bar(p.coverage))
+        right.add_row("battery", _bar(state.battery or 0.0))
+        grey = _or_dash(state.grey, ".0f")
+        right.add_row("exposure", f"grey {grey}  EV {_or_dash(state.ev, '+.2f')}")
+        top = Table.grid(expand=True)
+        top.add_column(ratio=1)
+        top.add_column(ratio=1)
+        top.add_row(left, right)
+        footer = Text(p.words, style="italic")
+        title = f"{self._title}  {state.mission_s:.0f} s  real-time factor {state.factor:.1f}"
+        return Panel(Group(top, footer), title=title, border_style="cyan", padding=(0, 1))

@@ -1,0 +1,28 @@
+"""`bladescout report`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from mission.cli.exits import Exit, end
+from mission.records.report import NotAMission, write_report
+
+
+def report(
+    folder: Annotated[Path, typer.Argument(help="A mission folder.")],
+) -> None:
+    """Render a mission's report again."""
+    try:
+        path = write_report(folder)
+    except NotAMission as error:
+        end(Exit.CONFIGURATION, str(error))
+    Console().print(f"report: {path}", highlight=False, soft_wrap=True)
+
+
+def mount(app: typer.Typer) -> None:
+    """Add the commands about finished missions to the command line."""
+    app.command()(report)

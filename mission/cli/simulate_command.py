@@ -1,0 +1,82 @@
+"""`bladescout simulate`: a whole inspection on this machine."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from config.settings import Settings
+from config.sources import ConfigError, load_settings, scenario_path
+from drivers.bus import BusUnreachable
+from mission.cli.exits import EXIT_OF_STATE, Exit, end
+from mission.cli.progress import LiveProgress
+from mission.cli.summary import print_summary
+from mission.processes.simulation import Outcome, SimulationFailed, simulate
+from mission.records.summary import add_truth
+from mission.remote.client import NoReply
+
+
+def simulate_command(
+    scenario: Annotated[
+        str, typer.Argument(help="A packaged scenario (demo, full ...) or a TOML file.")
+    ] = "demo",
+    seed: Annotated[int | None, typer.Option(help="Draws turbine, weather and launch.")] = None,
+    speed: Annotated[str | None, typer.Option(help="A factor, or 'auto' (1 to 5).")] = None,
+    sensors: Annotated[str | None, typer.Option(help="'wire' or 'bus'.")] = None,
+    autopilot: Annotated[
+        str | None, typer.Option(help="URL of another PX4-like simulator.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of the missions.")] = None,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", help="section.key=value, as in a file.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print mission.json on stdout.")] = False,
+    keep: Annotated[
+        Path | None, typer.Option(help="Keep the processes' private files here.")
+    ] = None,
+) -> None:
+    """Fly a whole inspection here: synthetic world, production path; exit 0 when it completed."""
+    overrides = list(set_ or [])
+    for key, value in (
+        ("simulation.seed", seed),
+        ("simulation.speed", speed),
+        ("simulation.sensors", sensors),
+        ("simulation.autopilot_url", autopilot),
+        ("missions_dir", out),
+    ):
+        if value is not None:
+            overrides.append(f"{key}={value}")
+    settings = _load(scenario, overrides)
+    console = Console(file=sys.stderr if as_json else sys.stdout)
+    progress = LiveProgress(console, f"bladescout - {Path(scenario).stem}", silent=as_json)
+    try:
+        with progress:
+            outcome = simulate(settings, progress.on_state, progress.on_event, keep_run_dir=keep)
+    except (SimulationFailed, BusUnreachable, NoReply) as error:
+        end(Exit.DEVICE, str(error))
+    mission = add_truth(outcome.mission_dir, outcome.truth)
+    if as_json:
+        sys.stdout.write(json.dumps(mission) + "\n")
+    else:
+        print_summary(console, mission, outcome.mission_dir)
+    raise typer.Exit(int(_exit_code(outcome)))
+
+
+def _load(scenario: str, overrides: list[str]) -> Settings:
+    try:
+        path = Path(scenario) if scenario.endswith(".toml") else scenario_path(scenario)
+        settings = load_settings([path], overrides=overrides)
+    except ConfigError as error:
+        end(Exit.CONFIGURATION, str(error))
+    if not settings.sites:
+        end(Exit.CONFIGURATION, f"{path}: sites: no turbine is listed; add a [[sites]] table")
+    return settings
+
+
+def _exit_code(outcome: Outcome) -> Exit:
+    return EXIT_OF_STATE.get(outcome.state, Exit.FAILED)

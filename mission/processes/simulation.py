@@ -1,0 +1,319 @@
+"""The production path, whole, on one machine: field + daemon + a remote client.
+
+The mission learns of the world only what the field tells beforehand (`told.json`) and what its
+sensors see; the truth comes out of the field process when the mission is over.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from config.settings import Settings
+from config.simulation import Simulation
+from config.turbine import Site
+from drivers.bus import BusUnreachable
+from mission.flight.command import MissionState
+from mission.processes.runtime import CLOCK_FILE, SETTINGS_FILE
+from mission.remote.client import Client, NoReply
+from mission.remote.messages import EventMessage, RecordedMessage, StateMessage
+
+READY_TIMEOUT_S = 90.0
+START_TIMEOUT_S = 30.0
+RECORD_TIMEOUT_S = 60.0
+TERMINAL = frozenset(
+    {
+        MissionState.COMPLETED,
+        MissionState.ENDED_SAFELY,
+        MissionState.REFUSED,
+        MissionState.FAILED,
+        MissionState.RELEASED,
+    }
+)
+
+
+class SimulationFailed(RuntimeError):
+    """A part of the simulation did not come up, or ended by itself."""
+
+
+@dataclass(slots=True)
+class Watcher:
+    """What the remote client has seen; filled from the bus's thread."""
+
+    on_change: Callable[[StateMessage], None]
+    on_event: Callable[[EventMessage], None]
+    state: StateMessage | None = None
+    recorded: RecordedMessage | None = None
+    events: list[EventMessage] = field(default_factory=list)
+
+    def take_state(self, state: StateMessage) -> None:
+        """Keep and show the newest state."""
+        self.state = state
+        self.on_change(state)
+
+    def take_event(self, event: EventMessage) -> None:
+        """Keep and show an event."""
+        self.events.append(event)
+        self.on_event(event)
+
+    def take_recorded(self, message: RecordedMessage) -> None:
+        """Keep the word that the mission folder is complete."""
+        self.recorded = message
+
+
+def free_port(kind: int = socket.SOCK_STREAM) -> int:
+    """Return a port that nobody listens on just now."""
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def on_loopback(settings: Settings) -> Settings:
+    """Return the settings with every end point on free ports of this machine."""
+    udp = socket.SOCK_DGRAM
+    lidar = {
+        "lidar_ip": "127.0.0.1",
+        "host_ip": "127.0.0.1",
+        "lidar_command_port": free_port(udp),
+        "host_command_port": free_port(udp),
+        "host_push_port": free_port(udp),
+        "host_point_port": free_port(udp),
+        "host_imu_port": free_port(udp),
+        "source": "livox" if settings.simulation.sensors == "wire" else "bus",
+    }
+    http_port = free_port()
+    autopilot = {"payload_url": f"udpin://127.0.0.1:{free_port(udp)}"}
+    if not settings.simulation.autopilot_url:
+        autopilot["url"] = f"udpin://127.0.0.1:{free_port(udp)}"
+    camera = {
+        "stream_url": f"rtsp://127.0.0.1:{free_port()}/live",
+        "source": "rtsp" if settings.simulation.sensors == "wire" else "bus",
+    }
+    simulated_camera = settings.simulation.camera.model_copy(update={"http_port": http_port})
+    return settings.model_copy(
+        update={
+            "bus": settings.bus.model_copy(update={"listen": f"tcp/127.0.0.1:{free_port()}"}),
+            "autopilot": settings.autopilot.model_copy(update=autopilot),
+            "lidar": settings.lidar.model_copy(update=lidar),
+            "camera": settings.camera.model_copy(update=camera),
+            "simulation": settings.simulation.model_copy(update={"camera": simulated_camera}),
+        }
+    )
+
+
+class Field:
+    """The field process: world, mock autopilot, renderer."""
+
+    def __init__(self, settings: Settings, run_dir: Path) -> None:
+        self._run_dir = run_dir
+        (run_dir / SETTINGS_FILE).write_text(settings.model_dump_json())
+        with (run_dir / "field.log").open("wb") as log_file:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "drivers.simulated.field", str(run_dir)],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=log_file,
+                text=True,
+            )
+
+    def wait_ready(self) -> Site:
+        """Return the turbine as the mission is told of it, once the field is up."""
+        self._expect("ready")
+        told = json.loads((self._run_dir / "told.json").read_text())
+        return Site.model_validate(told["site"])
+
+    def finish(self, mission_dir: Path) -> dict[str, object]:
+        """End the world and return its truth."""
+        self._say({"finish": str(mission_dir)})
+        self._expect("finished")
+        truth: dict[str, object] = json.loads((self._run_dir / "truth.json").read_text())
+        return truth
+
+    def close(self) -> None:
+        """End the field process, whatever state it is in."""
+        if self._process.stdin is not None:
+            self._process.stdin.close()
+        try:
+            self._process.wait(timeout=10)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        if self._process.stdout is not None:
+            self._process.stdout.close()
+
+    def _say(self, message: dict[str, object]) -> None:
+        assert self._process.stdin is not None  # noqa: S101 - opened as a pipe
+        self._process.stdin.write(json.dumps(message) + "\n")
+        self._process.stdin.flush()
+
+    def _expect(self, word: str) -> None:
+        assert self._process.stdout is not None  # noqa: S101 - opened as a pipe
+        for line in self._process.stdout:
+            if json.loads(line).get(word):
+                return
+        last = (self._run_dir / "field.log").read_text(errors="replace").strip().splitlines()
+        reason = last[-1] if last else "without a word"
+        raise SimulationFailed(f"the field process ended before it was {word}: {reason}")
+
+
+class Daemon:
+    """`bladescout serve`, as a process of its own."""
+
+    def __init__(self, settings: Settings, run_dir: Path, clock: Path) -> None:
+        self._run_dir = run_dir
+        (run_dir / "log").mkdir(parents=True)
+        (run_dir / SETTINGS_FILE).write_text(settings.model_dump_json())
+        (run_dir / CLOCK_FILE).symlink_to(clock)
+        with (run_dir / "serve.log").open("wb") as log_file:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "mission.cli.main", "serve", "--runtime", str(run_dir)],
+                stdin=subprocess.DEVNULL,
+                stderr=log_file,
+                stdout=log_file,
+            )
+
+    def client(self, settings: Settings) -> Client:
+        """Connect to the daemon once it listens."""
+        deadline = time.monotonic() + START_TIMEOUT_S
+        while True:
+            self.check()
+            try:
+                return Client(settings.vehicle, settings.bus)
+            except BusUnreachable:
+                if time.monotonic() > deadline:
+                    raise
+                time.sleep(0.2)
+
+    def check(self) -> None:
+        """Raise `SimulationFailed` when the daemon has ended."""
+        if self._process.poll() is not None:
+            last = (self._run_dir / "serve.log").read_text(errors="replace").strip().splitlines()
+            reason = last[-1] if last else "without a word"
+            raise SimulationFailed(f"the daemon ended by itself: {reason}")
+
+    def close(self) -> None:
+        """Ask the daemon to end; it holds the vehicle and closes its files."""
+        self._process.terminate()
+        try:
+            self._process.wait(timeout=15)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How a simulated mission ended."""
+
+    state: MissionState
+    words: str
+    mission_dir: Path
+    truth: dict[str, object]
+    log_dir: Path
+
+
+@contextmanager
+def _run_dir(keep: Path | None) -> Iterator[Path]:
+    path = keep or Path(tempfile.mkdtemp(prefix="bladescout-"))
+    path.mkdir(parents=True, exist_ok=True)
+    try:
+        yield path
+    finally:
+        if keep is None:
+            shutil.rmtree(path, ignore_errors=True)
+
+
+def simulate(
+    settings: Settings,
+    on_state: Callable[[StateMessage], None],
+    on_event: Callable[[EventMessage], None],
+    *,
+    keep_run_dir: Path | None = None,
+) -> Outcome:
+    """Fly one simulated mission and return its outcome.
+
+    Raises `SimulationFailed`, `drivers.bus.BusUnreachable` or `NoReply`.
+    """
+    settings = on_loopback(settings)
+    watcher = Watcher(on_state, on_event)
+    with _run_dir(keep_run_dir) as run_dir:
+        world_dir, serve_dir = run_dir / "field", run_dir / "serve"
+        world_dir.mkdir()
+        serve_dir.mkdir()
+        world = Field(settings, world_dir)
+        try:
+            site = world.wait_ready()
+            # What the mission gets holds nothing of the scenario: not the seed, not the draws.
+            told = settings.model_copy(update={"sites": (site,), "simulation": Simulation()})
+            daemon = Daemon(told, serve_dir, world_dir / CLOCK_FILE)
+            try:
+                folder = _fly(daemon, told, site, watcher, settings.simulation.max_duration_s)
+            finally:
+                daemon.close()
+            truth = world.finish(folder)
+        finally:
+            world.close()
+        log_dir = folder / "log"
+        shutil.copytree(serve_dir / "log", log_dir, dirs_exist_ok=True)
+        for name in (world_dir / "field.log", serve_dir / "serve.log"):
+            shutil.copy(name, log_dir)
+    assert watcher.state is not None  # noqa: S101 - _fly waited for its terminal state
+    progress = watcher.state.progress
+    return Outcome(progress.state, progress.words, folder, truth, log_dir)
+
+
+def _fly(
+    daemon: Daemon, settings: Settings, site: Site, watcher: Watcher, max_mission_s: float
+) -> Path:
+    with daemon.client(settings) as client:
+        client.watch(watcher.take_state, watcher.take_event, watcher.take_recorded)
+        folder = _start(daemon, client, site)
+        aborted = False
+        while not (_ended(watcher, folder)):
+            daemon.check()
+            time.sleep(0.1)
+            state = watcher.state
+            if state is not None and state.mission_s > max_mission_s and not aborted:
+                client.abort()
+                aborted = True
+        deadline = time.monotonic() + RECORD_TIMEOUT_S
+        while watcher.recorded is None and time.monotonic() < deadline:
+            time.sleep(0.05)
+        if watcher.recorded is None:
+            raise SimulationFailed("the recorder did not complete the mission folder")
+        return folder
+
+
+def _start(daemon: Daemon, client: Client, site: Site) -> Path:
+    deadline = time.monotonic() + START_TIMEOUT_S
+    text = ""
+    while time.monotonic() < deadline:
+        daemon.check()
+        try:
+            reply = client.start(site.name, operator="simulated operator", rotor_locked=True)
+        except NoReply as error:
+            text = str(error)
+        else:
+            if reply.ok:
+                return Path(reply.mission_dir)
+            text = reply.text
+            if reply.code != "not_ready":
+                break
+        time.sleep(0.2)
+    raise SimulationFailed(f"the daemon did not take the mission: {text}")
+
+
+def _ended(watcher: Watcher, folder: Path) -> bool:
+    state = watcher.state
+    return (
+        state is not None and state.mission_dir == str(folder) and state.progress.state in TERMINAL
+    )

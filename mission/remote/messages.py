@@ -1,0 +1,200 @@
+"""What processes tell each other on the bus, and what they are asked: versioned JSON."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from config.inspection import BladeName, Side
+from mission.flight.command import Command, PhotoCommand, Progress
+from mission.flight.observation import (
+    BladeTrack,
+    CameraState,
+    ClearanceState,
+    ExposureState,
+    GimbalState,
+    HubPrior,
+    Observation,
+    RequestKind,
+    RotorEstimate,
+    Vec3,
+    Vehicle,
+)
+
+SCHEMA = 1
+Identifier = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,64}$")]
+
+
+class Message(BaseModel):
+    """Base: frozen, strict about names, finite numbers only."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class StartRequest(Message):
+    """Start a mission at one turbine."""
+
+    version: Literal[1] = 1
+    id: Identifier
+    """Idempotency key: the same id never starts a second mission."""
+    site: Identifier
+    operator: Annotated[str, Field(min_length=1, max_length=80)]
+    rotor_locked: bool
+    """The operator's word: rotor braked and locked, yaw off."""
+    blades: tuple[BladeName, ...] | None = None
+    sides: tuple[Side, ...] | None = None
+    expires_utc_s: float | None = None
+
+
+class PlainRequest(Message):
+    """Pause, resume, skip, stop, abort, status."""
+
+    version: Literal[1] = 1
+    id: Identifier
+
+
+class Reply(Message):
+    """The answer to any request. `code` is stable; `text` is for people."""
+
+    version: Literal[1] = 1
+    ok: bool
+    code: str
+    text: str
+    mission_dir: str = ""
+    state: StateMessage | None = None
+
+
+class Intent(Message):
+    """Supervisor to flight: one validated intent."""
+
+    kind: RequestKind
+    id: str
+    site: str = ""
+    operator: str = ""
+    rotor_locked: bool = False
+    blades: tuple[BladeName, ...] = ("A", "B", "C")
+    sides: tuple[Side, ...] = ("PS", "SS", "LE", "TE")
+    mission_dir: str = ""
+
+
+class VehicleMessage(Message):
+    """Flight to everyone, 20 times a second: vehicle, gimbal and camera as reported."""
+
+    vehicle: Annotated[Vehicle | None, Field()] = None
+    gimbal: GimbalState | None = None
+    camera: CameraState | None = None
+    extra_wall_lag_s: float = 0.0
+
+    # A battery that never reported has a stamp of minus infinity.
+    model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="constants")
+
+
+class StateMessage(Message):
+    """Flight to everyone, 5 times a second: what an operator is shown."""
+
+    version: Literal[1] = 1
+    vehicle: str
+    mission_dir: str
+    site: str
+    mission_s: float
+    factor: float
+    progress: Progress
+    position_w: Vec3 | None = None
+    battery: float | None = None
+    lidar_age_s: float | None = None
+    ev: float | None = None
+    grey: float | None = None
+    link_ok: bool = True
+
+
+class EventMessage(Message):
+    """Something happened: to the operator, the journal and the report."""
+
+    mission_s: float
+    name: str
+    severity: str
+    text: str
+    cleared: bool = False
+
+
+class PhotoTakenMessage(Message):
+    """Flight to recorder: a photo exists at the camera."""
+
+    command: PhotoCommand
+    url: str
+    index: int
+    stamp_s: float
+    utc: str
+    position_w: Vec3
+    quaternion_wb: tuple[float, float, float, float]
+    gimbal_yaw_rad: float
+    gimbal_pitch_rad: float
+    foot_w: Vec3 | None = None
+    distance_m: float | None = None
+    gsd_mm: float | None = None
+    ev: float | None = None
+    shutter_s: float | None = None
+    latitude_deg: float | None = None
+    longitude_deg: float | None = None
+    altitude_m: float | None = None
+
+
+class PhotoResultMessage(Message):
+    """Recorder to flight: the photo was fetched and judged."""
+
+    photo_id: int
+    kept: bool
+    reason: str = ""
+
+
+class RecordedMessage(Message):
+    """Recorder to everyone: the mission folder is complete."""
+
+    mission_dir: str
+    ok: bool
+    text: str = ""
+
+
+class SensingHealth(Message):
+    """Sensing to flight and supervisor, once a second and at each change."""
+
+    mission_s: float
+    lidar_online: bool
+    camera_online: bool
+    scans: int
+    frames: int
+    worker_lag_s: float
+    text: str = ""
+
+
+class TickRecord(BaseModel):
+    """One tick as recorded: what was known, what was decided, what was sent."""
+
+    model_config = ConfigDict(frozen=True, ser_json_inf_nan="constants")
+    observation: Observation
+    command: Command
+    refused: str = ""
+
+
+Reply.model_rebuild()
+
+__all__ = [
+    "BladeTrack",
+    "ClearanceState",
+    "EventMessage",
+    "ExposureState",
+    "HubPrior",
+    "Intent",
+    "PhotoResultMessage",
+    "PhotoTakenMessage",
+    "PlainRequest",
+    "RecordedMessage",
+    "Reply",
+    "RotorEstimate",
+    "SensingHealth",
+    "StartRequest",
+    "StateMessage",
+    "TickRecord",
+    "VehicleMessage",
+]
