@@ -92,7 +92,7 @@ class Guard(ConfigModel):
     min_clearance_m: Annotated[float, Field(ge=5)] = 8.0
     outward_below_m: Annotated[float, Field(ge=5)] = 10.0
     closed_sphere_margin_m: Annotated[float, Field(ge=8)] = 12.0
-    """The sphere of rotor radius plus this round the prior hub is closed until the rotor is known."""
+    """Rotor radius plus this is the sphere round the prior hub, closed until the rotor is known."""
     cylinder_radius_m: Positive = 250.0
     """Round the take-off point."""
     max_height_m: Positive = 300.0
