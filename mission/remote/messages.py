@@ -164,8 +164,8 @@ class SensingHealth(Message):
     camera_online: bool
     scans: int
     frames: int
-    worker_lag_s: float
-    text: str = ""
+    dropped: int = 0
+    """Messages that did not fit on the bus."""
 
 
 class TickRecord(BaseModel):

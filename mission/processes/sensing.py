@@ -1,0 +1,131 @@
+"""The sensing process: LiDAR and camera drivers as concurrent tasks, perception in a worker beside.
+
+The drivers only receive, decode and publish; every fit runs in the worker process, so that no
+packet waits for it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+
+from drivers.bus import Bus, Key
+from drivers.clock import sleep
+from drivers.codecs import COMPRESSED_IMAGE, POINT_CLOUD, encode_frame, encode_scan
+from drivers.livox.driver import Mid360Driver
+from drivers.video import VideoStream
+from mission.processes.children import Child
+from mission.processes.runtime import Runtime, run_process
+from mission.remote.messages import SensingHealth
+from perception.values import Frame, Scan
+
+log = logging.getLogger(__name__)
+
+HEALTH_PERIOD_S = 1.0
+ONLINE_WITHIN_S = 2.0
+
+
+@dataclass(slots=True)
+class _Counts:
+    scans: int = 0
+    frames: int = 0
+    last_scan_s: float = float("-inf")
+    last_frame_s: float = float("-inf")
+
+
+async def sense(runtime: Runtime) -> None:
+    """Run drivers and worker until cancelled."""
+    with runtime.open_bus() as bus:
+        counts = _Counts()
+        worker = Child("perception", "mission.processes.perception_worker", runtime.run_dir)
+
+        def on_death(_name: str, deaths: int) -> None:
+            log.error("the perception worker died %d times within a minute", deaths)
+
+        tasks = [
+            asyncio.create_task(_report_health(runtime, bus, counts)),
+            asyncio.create_task(worker.keep_alive(on_death)),
+        ]
+        for name, driver in _drivers(runtime, bus, counts):
+            tasks.append(asyncio.create_task(_keep_running(name, driver)))
+        try:
+            await asyncio.gather(*tasks)
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+            await worker.end(patience_s=2.0)
+
+
+def _drivers(
+    runtime: Runtime, bus: Bus, counts: _Counts
+) -> list[tuple[str, Callable[[], Awaitable[None]]]]:
+    settings, clock = runtime.settings, runtime.clock
+
+    def on_scan(scan: Scan) -> None:
+        counts.scans += 1
+        counts.last_scan_s = clock.now_s()
+        payload, attachment = encode_scan(scan)
+        bus.publish(Key.SCAN, payload, encoding=POINT_CLOUD, attachment=attachment, droppable=True)
+
+    def on_frame(frame: Frame) -> None:
+        counts.frames += 1
+        counts.last_frame_s = clock.now_s()
+        payload, attachment = encode_frame(frame)
+        bus.publish(
+            Key.FRAME, payload, encoding=COMPRESSED_IMAGE, attachment=attachment, droppable=True
+        )
+
+    drivers: list[tuple[str, Callable[[], Awaitable[None]]]] = []
+    if settings.lidar.source == "livox":
+        lidar = Mid360Driver(settings.lidar, clock)
+        drivers.append(("lidar", lambda: lidar.run(on_scan)))
+    else:
+        bus.subscribe_newest(Key.SCAN, lambda _: _count_scan(counts, clock.now_s()))
+    if settings.camera.source == "rtsp":
+        stream = VideoStream(
+            settings.camera.stream_url, clock, timeout_s=settings.camera.stream_timeout_s
+        )
+        drivers.append(("camera", lambda: stream.run(on_frame)))
+    else:
+        bus.subscribe_newest(Key.FRAME, lambda _: _count_frame(counts, clock.now_s()))
+    return drivers
+
+
+def _count_scan(counts: _Counts, now_s: float) -> None:
+    counts.scans, counts.last_scan_s = counts.scans + 1, now_s
+
+
+def _count_frame(counts: _Counts, now_s: float) -> None:
+    counts.frames, counts.last_frame_s = counts.frames + 1, now_s
+
+
+async def _keep_running(name: str, driver: Callable[[], Awaitable[None]]) -> None:
+    """Start a driver again when it ends by an error of its device."""
+    while True:
+        try:
+            await driver()
+        except OSError as error:
+            log.error("%s: %s; trying again", name, error)
+        await asyncio.sleep(1.0)
+
+
+async def _report_health(runtime: Runtime, bus: Bus, counts: _Counts) -> None:
+    while True:
+        now_s = runtime.clock.now_s()
+        health = SensingHealth(
+            mission_s=now_s,
+            lidar_online=now_s - counts.last_scan_s < ONLINE_WITHIN_S,
+            camera_online=now_s - counts.last_frame_s < ONLINE_WITHIN_S,
+            scans=counts.scans,
+            frames=counts.frames,
+            dropped=bus.dropped,
+        )
+        bus.publish(Key.SENSING, health.model_dump_json().encode())
+        await sleep(runtime.clock, HEALTH_PERIOD_S)
+
+
+if __name__ == "__main__":
+    run_process("sensing", sense)

@@ -1,0 +1,58 @@
+"""Is a photo usable? Blade in view, exposed in range, sharp. Judged on the file as stored."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from perception.values import Bytes
+
+
+@dataclass(frozen=True, slots=True)
+class PhotoQuality:
+    """Figures of the blade region of one picture."""
+
+    mean_grey: float
+    sigma_grey: float
+    entropy_nats: float
+    """Entropy of the grey histogram (the paper's table fits nats)."""
+    clipped: float
+    """Share of saturated pixels."""
+    sharpness: float
+    """Variance of the Laplacian of the region."""
+    in_range: bool
+
+
+def judge_photo(
+    grey: Bytes, centre_px: tuple[float, float], radius_px: float, range_grey: tuple[float, float]
+) -> PhotoQuality | None:
+    """Return the figures of the disc round the blade's foot, or None when it is out of the picture.
+
+    ``grey``: (H, W). The disc is the reference region of Shi et al. 2025, Eq. 5, on the still.
+    """
+    height, width = grey.shape
+    left, right = int(centre_px[0] - radius_px), int(centre_px[0] + radius_px) + 1
+    top, bottom = int(centre_px[1] - radius_px), int(centre_px[1] + radius_px) + 1
+    if right <= 0 or bottom <= 0 or left >= width or top >= height:
+        return None
+    x0, y0 = max(0, left), max(0, top)
+    window = grey[y0 : min(height, bottom), x0 : min(width, right)]
+    rows, columns = np.ogrid[: window.shape[0], : window.shape[1]]
+    inside = (columns + x0 - centre_px[0]) ** 2 + (rows + y0 - centre_px[1]) ** 2 <= radius_px**2
+    values = window[inside]
+    if values.size == 0:
+        return None
+    counts = np.bincount(values, minlength=256)
+    share = counts[counts > 0] / values.size
+    mean = float(values.mean())
+    laplacian = cv2.Laplacian(window, cv2.CV_32F)
+    return PhotoQuality(
+        mean_grey=mean,
+        sigma_grey=float(values.std()),
+        entropy_nats=float(-(share * np.log(share)).sum()),
+        clipped=float(counts[255] / values.size),
+        sharpness=float(laplacian[inside].var()),
+        in_range=range_grey[0] <= mean <= range_grey[1],
+    )
