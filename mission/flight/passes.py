@@ -1,0 +1,325 @@
+"""Which stretch of a blade's side is seen from where: views, distances, and what stays unseen.
+
+A pass looks at one side of one blade. Seen straight on, its line may come too near the tower, the
+nacelle or a neighbouring blade, or ask the gimbal to look where it cannot. So the view is also
+tried turned about the blade's axis, and farther away; the view with the best coverage is flown,
+and a second, oblique one where that adds enough. What remains is listed by metre with its reason.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from config.settings import Settings
+from config.turbine import Turbine
+from mission.flight.footprint import footprint_m, photo_metres
+from mission.flight.rotor_model import RotorModel
+from mission.flight.sides import BladeFrame, side_view, turned
+from perception.values import Float
+
+Mask = NDArray[np.bool_]
+
+#: Kept beside the guard's clearance for wander, lag and the vehicle's position error.
+TRACKING_MARGIN_M = 1.0
+GROUND_MARGIN_M = 12.0
+#: The distance changes by at most this per metre of blade: a gentle line to fly.
+MAX_SLOPE = 0.4
+MIN_STRETCH_M = 2.0
+#: Where the gimbal cannot look along the straight view, the blade is also tried from a place
+#: farther up or down its axis: the view leans along the axis by these angles.
+SLANTS_DEG = (-30, -20, 20, 30)
+#: What a view is worth by its angle off the straight one: skin that faces the side's own view is
+#: then seen at a slant.
+WORTH_ANGLE_DEG = (0.0, 15.0, 30.0, 45.0, 60.0)
+WORTH = (1.0, 0.97, 0.88, 0.75, 0.5)
+
+
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """One line along a blade, flown in one go from ``photos[0]`` to ``photos[-1]``."""
+
+    blade: str
+    side: str
+    root_w: Float
+    axis_w: Float
+    view_w: Float
+    """(3,) unit, from the blade's axis towards the vehicle; leans along the axis where slanted."""
+    turn_deg: float
+    grid_m: Float
+    """(M,) metres, rising."""
+    distance_m: Float
+    """(M,) distance from the axis at each."""
+    footprint_m: float
+    photos: tuple[float, ...]
+    """Metres, in the order flown."""
+    length_m: float
+    again: bool = False
+    """Flown for gaps of an earlier leg."""
+
+    def distance_at(self, metre: float) -> float:
+        """Return the planned distance from the blade's axis."""
+        return float(np.interp(metre, self.grid_m, self.distance_m))
+
+    def foot(self, metre: float) -> Float:
+        """Return the point (3,) of the blade's axis at a metre."""
+        return self.root_w + metre * self.axis_w
+
+    def position(self, metre: float) -> Float:
+        """Return where the vehicle is (3,) when it looks at a metre."""
+        return self.foot(metre) + self.distance_at(metre) * self.view_w
+
+    def metre_of(self, position_w: Float) -> float:
+        """Return the metre that a vehicle at a position (3,) looks at."""
+        along = float((position_w - self.root_w) @ self.axis_w)
+        lean = float(self.view_w @ self.axis_w)
+        return along - lean * self.distance_at(along) if abs(lean) > 1e-6 else along
+
+    def line(self) -> Float:
+        """Return the polyline (K, 3) from the first to the last photo."""
+        first, last = self.photos[0], self.photos[-1]
+        count = max(2, math.ceil(abs(last - first)) + 1)
+        return np.stack([self.position(float(m)) for m in np.linspace(first, last, count)])
+
+    def reversed(self) -> Leg:
+        """Return the same line flown the other way."""
+        return self.with_photos(self.photos[::-1], self.again)
+
+    def with_photos(self, photos: tuple[float, ...], again: bool) -> Leg:
+        """Return the same line with other photos."""
+        return Leg(
+            self.blade, self.side, self.root_w, self.axis_w, self.view_w, self.turn_deg,
+            self.grid_m, self.distance_m, self.footprint_m, photos, self.length_m, again,
+        )  # fmt: skip
+
+    @cached_property
+    def spacing_m(self) -> float:
+        """Metres between two photos."""
+        if len(self.photos) < 2:
+            return self.footprint_m
+        return abs(self.photos[1] - self.photos[0])
+
+
+@dataclass(frozen=True, slots=True)
+class Unseen:
+    """A stretch that no admissible view shows, and why."""
+
+    from_m: float
+    to_m: float
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class SidePass:
+    """All that is flown of one side of one blade."""
+
+    blade: str
+    side: str
+    legs: tuple[Leg, ...]
+    unseen: tuple[Unseen, ...]
+    planned_m: float
+    """Metres of the blade that the legs show."""
+    length_m: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _View:
+    turn_deg: int
+    slant_deg: int
+    view_w: Float
+    distance_m: Float
+    """(M,); NaN where the stretch cannot be flown."""
+    reason: tuple[str, ...]
+    """Per metre: what forbids it; empty where nothing does."""
+
+    @property
+    def seen(self) -> Mask:
+        return np.isfinite(self.distance_m)
+
+    @property
+    def worth(self) -> float:
+        cosine = math.cos(math.radians(self.turn_deg)) * math.cos(math.radians(self.slant_deg))
+        return float(np.interp(math.degrees(math.acos(cosine)), WORTH_ANGLE_DEG, WORTH))
+
+
+def plan_side(
+    frame: BladeFrame,
+    side: str,
+    model: RotorModel,
+    turbine: Turbine,
+    settings: Settings,
+    ground_m: float,
+) -> SidePass:
+    """Plan the legs for a side of a blade. ``ground_m`` is the height (z) of the ground."""
+    length = frame.length_m
+    if frame.pitch_rad is None:
+        reason = "the blade's pitch is not known, so neither are its sides"
+        return SidePass(frame.name, side, (), (Unseen(0.0, length, reason),), 0.0, length)
+    grid = np.linspace(0.0, length, math.ceil(length) + 1)
+    straight = side_view(frame, side, turbine)
+    turns = [t for t in (0, 15, -15, 30, -30, 45, -45, 60, -60)
+             if abs(t) <= settings.tracking.max_view_turn_deg]  # fmt: skip
+    views = _views(frame, straight, turns, (0,), grid, model, settings, ground_m)
+    if not any(_gimbal_sees(view.view_w, settings) for view in views):
+        views += _views(frame, straight, turns, SLANTS_DEG, grid, model, settings, ground_m)
+    best = max(views, key=lambda v: v.worth * int(v.seen.sum()) * _nearness(v))
+    chosen = [(best, best.seen)]
+    missing = ~best.seen
+    if missing.any():
+        second = max(views, key=lambda v: v.worth * int((v.seen & missing).sum()))
+        gain = second.seen & missing
+        if gain.sum() >= max(3, 0.05 * len(grid)):
+            chosen.append((second, gain))
+            missing &= ~gain
+    legs = tuple(
+        _leg(frame, side, view, grid[a : b + 1], view.distance_m[a : b + 1], settings)
+        for view, mask in chosen
+        for a, b in _runs(mask)
+        if grid[b] - grid[a] >= MIN_STRETCH_M
+    )
+    seen = np.zeros(len(grid), bool)
+    for leg in legs:
+        seen |= (grid >= leg.grid_m[0] - 1e-6) & (grid <= leg.grid_m[-1] + 1e-6)
+    unseen = tuple(_unseen(~seen, grid, best))
+    planned = length - sum(u.to_m - u.from_m for u in unseen)
+    return SidePass(frame.name, side, legs, unseen, planned, length)
+
+
+def _nearness(view: _View) -> float:
+    """Return what the view's distance is worth: 1 at the wanted one, less from farther away."""
+    seen = view.seen
+    return float(np.sqrt(12.0 / view.distance_m[seen]).mean()) if seen.any() else 0.0
+
+
+def _views(
+    frame: BladeFrame,
+    straight_w: Float,
+    turns: Sequence[int],
+    slants: Sequence[int],
+    grid: Float,
+    model: RotorModel,
+    settings: Settings,
+    ground_m: float,
+) -> list[_View]:
+    """Judge every view at every distance and metre."""
+    tracking = settings.tracking
+    distances = np.arange(tracking.distance_m, tracking.max_distance_m + 1e-6, 1.0)
+    angles = [(turn, slant) for slant in slants for turn in turns]
+    views = [
+        math.cos(math.radians(slant)) * turned(straight_w, frame.axis_w, math.radians(turn))
+        + math.sin(math.radians(slant)) * frame.axis_w
+        for turn, slant in angles
+    ]
+    sees = [_gimbal_sees(view_w, settings) for view_w in views]
+    if any(slants):
+        # Slanted views serve the gimbal alone: those that do not help need no judging.
+        angles = [angle for angle, seen in zip(angles, sees, strict=True) if seen]
+        views = [view_w for view_w, seen in zip(views, sees, strict=True) if seen]
+        sees = [True] * len(views)
+        if not views:
+            return []
+    feet = frame.root_w + grid[:, None] * frame.axis_w
+    offsets = np.stack(views)[:, None, :] * distances[None, :, None]
+    points = (offsets[:, :, None, :] + feet).reshape(-1, 3)
+    parts = model.part_distances(points) - settings.airframe.radius_m
+    shape = (len(angles), len(distances), len(grid))
+    clearance = parts.min(axis=1).reshape(shape)
+    nearest = parts.argmin(axis=1).reshape(shape)
+    low = (points[:, 2] < ground_m + GROUND_MARGIN_M).reshape(shape)
+    clear = (clearance >= settings.guard.min_clearance_m + TRACKING_MARGIN_M) & ~low
+    found = []
+    for index, ((turn, slant), view_w) in enumerate(zip(angles, views, strict=True)):
+        gimbal = sees[index]
+        profile = _profile(clear[index] & gimbal, distances)
+        reason = _reasons(model, clearance[index], nearest[index], low[index], gimbal)
+        found.append(_View(turn, slant, view_w, profile, reason))
+    return found
+
+
+def _gimbal_sees(view_w: Float, settings: Settings) -> bool:
+    elevation = math.degrees(math.asin(max(-1.0, min(1.0, -float(view_w[2])))))
+    gimbal = settings.gimbal
+    # Two degrees are left for the vehicle's wander; straight down needs none.
+    low = gimbal.min_pitch_deg if gimbal.min_pitch_deg <= -90 else gimbal.min_pitch_deg + 2
+    return low <= elevation <= gimbal.max_pitch_deg - 2
+
+
+def _profile(clear: Mask, distances: Float) -> Float:
+    """Return the least clear distance (M,) per metre, its slope bounded; NaN where none."""
+    reachable = clear.any(axis=0)
+    least = np.where(reachable, distances[clear.argmax(axis=0)], np.nan)
+    profile = least.copy()
+    for a, b in _runs(reachable):
+        metres = np.arange(b - a + 1)
+        apart = np.abs(metres[:, None] - metres[None, :])
+        profile[a : b + 1] = (least[a : b + 1][None, :] - MAX_SLOPE * apart).max(axis=1)
+    # The smoothed distance must itself be clear, on both of its neighbours in the grid.
+    position = np.nan_to_num((profile - distances[0]) / max(distances[-1] - distances[0], 1e-9))
+    position *= len(distances) - 1
+    columns = np.arange(clear.shape[1])
+    both = (
+        clear[np.floor(position + 1e-9).astype(int), columns]
+        | (np.abs(position - np.ceil(position - 1e-9)) < 1e-6)
+    ) & clear[np.ceil(position - 1e-9).astype(int), columns]
+    return np.where(reachable & both, profile, np.nan)
+
+
+def _reasons(
+    model: RotorModel, clearance: Float, nearest: NDArray[np.intp], low: Mask, gimbal: bool
+) -> tuple[str, ...]:
+    """Name per metre what forbids the view where it is least forbidden."""
+    if not gimbal:
+        return ("the gimbal cannot look there",) * clearance.shape[1]
+    names = [f"blade {frame.name}" for frame in model.frames] + ["tower", "nacelle", "hub"]
+    best = clearance.argmax(axis=0)
+    words = []
+    for metre, distance in enumerate(best):
+        if low[distance, metre]:
+            words.append("too near the ground")
+        else:
+            words.append(f"less than the clearance to {names[nearest[distance, metre]]}")
+    return tuple(words)
+
+
+def _runs(mask: Mask) -> list[tuple[int, int]]:
+    """Return the first and last index of each run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
+    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _leg(
+    frame: BladeFrame, side: str, view: _View, grid: Float, distance: Float, settings: Settings
+) -> Leg:
+    footprint = footprint_m(frame.axis_w, view.view_w, float(distance.min()), settings)
+    photos = photo_metres(float(grid[0]), float(grid[-1]), footprint, settings.tracking.overlap)
+    return Leg(
+        frame.name, side, frame.root_w, frame.axis_w, view.view_w, float(view.turn_deg),
+        grid, distance, footprint, photos, frame.length_m,
+    )  # fmt: skip
+
+
+def _unseen(missing: Mask, grid: Float, view: _View) -> list[Unseen]:
+    """Merge neighbouring metres of one reason; half a metre to each side belongs to the gap."""
+    gaps: list[Unseen] = []
+    step = float(grid[1] - grid[0])
+    for a, b in _runs(missing):
+        start = a
+        for metre in range(a, b + 1):
+            if metre == b or view.reason[metre + 1] != view.reason[start]:
+                reason = view.reason[start]
+                if view.seen[start]:
+                    reason = "a stretch too short to be flown"
+                gaps.append(
+                    Unseen(
+                        max(0.0, float(grid[start]) - step / 2),
+                        min(float(grid[-1]), float(grid[metre]) + step / 2),
+                        reason,
+                    )
+                )
+                start = metre + 1
+    return gaps
