@@ -22,6 +22,9 @@ class TruthDraws(ConfigModel):
     pitch_spread_deg: NotNegative = 1.0
     launch_bearing_deg: Draw = "random"
     """Compass bearing from the tower to the take-off point."""
+    launch_bearing_from_rotor_deg: Annotated[float, Field(ge=-180, le=180)] | None = None
+    """The same bearing, clockwise from where the rotor faces: 0 in front of it, 90 crosswind, 180
+    behind. Where given, it takes the place of `launch_bearing_deg`."""
     launch_distance_m: Draw = "random"
     prior_error_m: Draw = "random"
     """Horizontal error of the tower position told to the mission (0-5 m when random)."""

@@ -1,0 +1,77 @@
+"""`bladescout config`: show every setting and where it comes from; check a file."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+from config.errors import ConfigError
+from config.sources import DEFAULT, Loaded, load
+from mission.cli.exits import Exit, end
+
+app = typer.Typer(no_args_is_help=True, add_completion=False)
+
+
+@app.command()
+def show(
+    config: Annotated[
+        list[Path] | None, typer.Option(help="A settings file; later ones win.")
+    ] = None,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", help="section.key=value, as in a file.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Show the value of every setting and where it comes from."""
+    try:
+        loaded = load(config or [], set_ or [])
+    except ConfigError as error:
+        end(Exit.CONFIGURATION, escape(str(error)))
+    if as_json:
+        sys.stdout.write(json.dumps(_as_object(loaded)) + "\n")
+    else:
+        Console().print(_as_table(loaded))
+
+
+@app.command()
+def check(
+    file: Annotated[Path, typer.Argument(help="A settings file or scenario.")],
+) -> None:
+    """Check a file by itself: exit 0 when every value can be used, else 2 and say why not."""
+    try:
+        load([file], environment={})
+    except ConfigError as error:
+        end(Exit.CONFIGURATION, escape(str(error)))
+    Console().print(f"{escape(str(file))}: every value can be used", soft_wrap=True)
+
+
+def _as_object(loaded: Loaded) -> dict[str, object]:
+    return {
+        "settings": loaded.settings.model_dump(mode="json"),
+        "places": {key: place for key, _, place in loaded.leaves()},
+    }
+
+
+def _as_table(loaded: Loaded) -> Table:
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    table.add_column("setting", no_wrap=True)
+    table.add_column("value", overflow="fold")
+    table.add_column("from", overflow="fold")
+    section = ""
+    for key, value, place in loaded.leaves():
+        if key.partition(".")[0] != section:
+            section = key.partition(".")[0]
+            table.add_section()
+        style = "dim" if place == DEFAULT else "bold"
+        words = value if isinstance(value, str) else json.dumps(value)
+        table.add_row(Text(key), Text(words, style), Text(place, style))
+    return table
