@@ -1,0 +1,196 @@
+"""From packets to scans: one scan every `scan_period_s` of sensor time.
+
+Packets are received straight into slots of one large array and stay there, undecoded, until the
+scan is complete. Loss is counted by the running number; duplicates, stragglers and packets whose
+time makes no sense are dropped and counted.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.livox.epoch import NewEpoch
+from drivers.livox.packets import HEADER_BYTES, POINT_BYTES, Header, decode_points, read_header
+from drivers.livox.sensor_clock import SensorClock
+from drivers.livox.statistics import Dropped
+from perception.values import Float32, Scan
+
+#: A datagram that fills its slot is longer than any packet.
+SLOT_BYTES = 1500
+_PACKETS_PER_S = 2084
+#: A packet from farther ahead of our own time than this cannot be right.
+_AHEAD_S = 0.5
+_WRAP = 1 << 16
+
+
+class ScanAssembler:
+    """Collects point packets and hands over scans.
+
+    Args:
+        period_s: sensor time covered by a scan.
+        range_m: (nearest, farthest) return kept.
+        clock: gives the mission time of a sensor stamp.
+        dropped: counts what is not used.
+    """
+
+    def __init__(
+        self,
+        period_s: float,
+        range_m: tuple[float, float],
+        clock: SensorClock,
+        dropped: Counter[Dropped],
+    ) -> None:
+        self._period_ns = round(period_s * 1e9)
+        self._range_m = range_m
+        self._clock = clock
+        self._dropped = dropped
+        # Room for twice the nominal rate: a scan that fills it is cut early.
+        self._capacity = max(64, round(period_s * 2 * _PACKETS_PER_S))
+        store = bytearray((self._capacity + 1) * SLOT_BYTES)
+        self._slots = np.frombuffer(store, np.uint8).reshape(-1, SLOT_BYTES)
+        self._views = [
+            memoryview(store)[at : at + SLOT_BYTES] for at in range(0, len(store), SLOT_BYTES)
+        ]
+        self._headers: list[Header] = []
+        self._stamps: set[int] = set()
+        self._start_ns: int | None = None
+        self._limit_ns: float = np.inf
+        self._epoch = NewEpoch()
+        self._last_number: int | None = None
+        self._lost_before_scan = 0
+        self.newest_ns = -1
+        """Sensor time of the newest packet used; -1 before the first."""
+        self.lost = 0
+        self.packets = 0
+        self.points = 0
+        self.scans = 0
+
+    @property
+    def slot(self) -> memoryview:
+        """Where the next datagram is to be received."""
+        return self._views[len(self._headers)]
+
+    def observe(self, arrival_s: float) -> None:
+        """Tell that the newest packet used was here at a mission time."""
+        self._clock.observe(self.newest_ns, arrival_s)
+        self.expect(arrival_s)
+
+    def expect(self, now_s: float) -> None:
+        """Tell the mission time: from then on a stamp well ahead of it is refused."""
+        offset_s = self._clock.offset_s
+        self._limit_ns = np.inf if offset_s is None else (now_s + _AHEAD_S - offset_s) * 1e9
+
+    def accept(self, size: int) -> Scan | None:
+        """Take the datagram in `slot`; return the scan that it completes, if any."""
+        header = read_header(self.slot, size)
+        if header is None:
+            self._dropped[Dropped.MALFORMED] += 1
+            return None
+        stamp_ns = header.stamp_ns
+        if stamp_ns in self._stamps:
+            self._dropped[Dropped.REPEATED] += 1
+            return None
+        if self._start_ns is not None and not self._start_ns <= stamp_ns <= self._limit_ns:
+            if not self._epoch.confirms(stamp_ns):
+                past = stamp_ns < self._start_ns
+                self._dropped[Dropped.PAST if past else Dropped.FUTURE] += 1
+                return None
+            self._restart()
+        scan = self._finish_before(header)
+        self._append(header)
+        if self._is_complete(header):
+            scan = self.finish()
+        return scan
+
+    def finish(self) -> Scan | None:
+        """Return what has been collected as a scan, complete or not; None when that is nothing."""
+        headers = self._headers
+        if not headers or self._clock.offset_s is None:
+            self._clear()
+            return None
+        first = headers[0]
+        end = HEADER_BYTES + first.points * POINT_BYTES[first.data_type]
+        found = decode_points(self._slots[: len(headers), HEADER_BYTES:end], first.data_type)
+        newest_ns = max(header.stamp_ns + header.interval_ns for header in headers)
+        lost = max(0, self.lost - self._lost_before_scan)
+        self._clear()
+        self._start_ns = newest_ns + 1
+        if found is None:
+            return None
+        near_m, far_m = self._range_m
+        range_m = np.sqrt(np.einsum("ij,ij->i", found.points_l, found.points_l))
+        kept = np.flatnonzero((range_m >= near_m) & (range_m <= far_m))
+        self.scans += 1
+        self.points += len(kept)
+        return Scan(
+            stamp_s=self._clock.mission_s(newest_ns),
+            sequence=self.scans,
+            points_l=found.points_l[kept],
+            age_s=_ages(headers, newest_ns, found.place[kept]),
+            reflectivity=found.reflectivity[kept],
+            tag=found.tag[kept],
+            lost_packets=lost,
+        )
+
+    def _finish_before(self, header: Header) -> Scan | None:
+        """Close the scan that a packet of the next one, or of another layout, cuts off."""
+        headers = self._headers
+        if not headers:
+            return None
+        if (
+            header.stamp_ns < (self._start_ns or 0) + self._period_ns
+            and len(headers) < self._capacity
+            and header[:2] == headers[0][:2]
+        ):
+            return None
+        arrived = self._slots[len(headers)].copy()
+        scan = self.finish()
+        self._slots[0] = arrived
+        return scan
+
+    def _append(self, header: Header) -> None:
+        if not self._headers:
+            self._start_ns = header.stamp_ns
+        self._headers.append(header)
+        self._stamps.add(header.stamp_ns)
+        self._epoch.clear()
+        self.newest_ns = max(self.newest_ns, header.stamp_ns)
+        self.packets += 1
+        if self._last_number is not None:
+            missing = (header.number - self._last_number - 1) % _WRAP
+            if missing >= _WRAP // 2:  # overtaken on the way, and counted as lost
+                self.lost = max(0, self.lost - 1)
+                return
+            self.lost += missing
+        self._last_number = header.number
+
+    def _is_complete(self, header: Header) -> bool:
+        # One packet early rather than late: sensors that send in bursts need not be waited for.
+        end_ns = header.stamp_ns + 2 * header.interval_ns
+        return end_ns >= (self._start_ns or 0) + self._period_ns
+
+    def _restart(self) -> None:
+        """Begin again: the sensor's clock has (after a reboot, or synchronised)."""
+        self._clear()
+        self._clock.reset()
+        self._limit_ns = np.inf
+        self._start_ns = self._last_number = None
+        self.newest_ns = -1
+
+    def _clear(self) -> None:
+        self._headers = []
+        self._stamps.clear()
+        self._lost_before_scan = self.lost
+
+
+def _ages(headers: list[Header], newest_ns: int, place: NDArray[np.intp]) -> Float32:
+    """Return (N,) seconds before the newest point at which each point was measured."""
+    points = headers[0].points
+    first_s = np.array([(newest_ns - header.stamp_ns) * 1e-9 for header in headers], np.float32)
+    step_s = np.float32(headers[0].interval_ns * 1e-9 / max(points - 1, 1))
+    packet = place // points
+    age_s: Float32 = first_s[packet] - (place - packet * points).astype(np.float32) * step_s
+    return np.maximum(age_s, np.float32(0))
