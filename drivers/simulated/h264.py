@@ -62,7 +62,7 @@ class H264Encoder:
         """Return the NAL units (without start codes) of a grey or BGR picture."""
         height, width = self._shape
         if picture.ndim == 2:
-            planes = np.full((height * 3 // 2, width), 128, np.uint8)
+            planes: NDArray[np.uint8] = np.full((height * 3 // 2, width), 128, np.uint8)
             planes[:height] = cv2.LUT(picture, _LIMITED_RANGE)
         else:
             planes = np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2YUV_I420), np.uint8)

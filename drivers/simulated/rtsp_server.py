@@ -26,7 +26,7 @@ _log = logging.getLogger(__name__)
 Picture = NDArray[np.uint8]
 
 _MAX_REQUEST = 8192
-_SEND_TIMEOUT_S = 0.5
+_SEND_TIMEOUT = struct.pack("ll", 0, 500_000)  # timeval: 0.5 s
 _PUBLIC = "OPTIONS, DESCRIBE, SETUP, PLAY, GET_PARAMETER, TEARDOWN"
 
 
@@ -131,9 +131,7 @@ class RtspServer:
                 return
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             # A player that stops reading is let go instead of holding up the others.
-            connection.setsockopt(
-                socket.SOL_SOCKET, socket.SO_SNDTIMEO, struct.pack("ll", 0, int(_SEND_TIMEOUT_S * 1e6))
-            )
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _SEND_TIMEOUT)
             client = _Client(connection, (str(address[0]), int(address[1])))
             with self._clients_lock:
                 self._clients.append(client)
