@@ -1,0 +1,328 @@
+"""Scenes of the angle bench: a stopped turbine, seen by a MID-360 that errs as real ones do.
+
+Independent of `perception`'s estimators: their constants are not known here and vice versa.
+World ENU, metres. Truth is expressed in the frame of the returned points.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import libusb_package
+import numpy as np
+
+from benchmarks.blade_family import Planform, blade_mesh, draw_planform, known_turbine
+from config.turbine import Turbine
+from perception.geometry import lidar_in_body, rotation_from_euler
+from perception.rotor import angle_of, direction_at
+from perception.values import Float
+
+# Open3D asks the loader for libusb-1.0.so.0, absent on a fresh Debian; the wheel's copy serves.
+ctypes.CDLL(str(libusb_package.get_library_path()), mode=ctypes.RTLD_GLOBAL)
+import open3d as o3d  # noqa: E402 - only after libusb is in the process
+
+RATE_HZ = 200_000
+DETECTABLE = 3.9e-5
+"""Reflectivity x cos(incidence) x attenuation / range^2 at which half the pulses are detected."""
+
+
+@dataclass(frozen=True, slots=True)
+class SceneOptions:
+    """What is drawn; each field can be fixed for a stratum or an ablation."""
+
+    stand_off_m: tuple[float, float] = (20.0, 20.0)
+    prior_error_m: tuple[float, float] = (0.0, 5.0)
+    pitch_deg: tuple[float, float] | None = None
+    """None: the field mix (40 % at 0-5, 45 % at 82-90, 15 % between)."""
+    seconds: float = 1.0
+    window_deg: float = 360.0
+    fog_per_m: float = 0.0
+    droop: bool = True
+    lean: bool = True
+    attitude_deg: float = 0.5
+    extrinsic_deg: float = 0.3
+    position_sigma_m: float = 0.1
+    range_bias_m: float = 0.02
+    feather_one: float = 0.05
+    """Share of scenes with one blade 90 deg from the others."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AngleScene:
+    """One look at a rotor, and the truth about it."""
+
+    points_w: Float
+    origins_w: Float
+    viewpoint_w: Float
+    prior_hub_w: Float
+    prior_normal_w: Float
+    down_w: Float
+    turbine: Turbine
+    """As its owner knows it."""
+    radius_m: float
+    stop_angle_deg: float
+    hub_w: Float
+    normal_w: Float
+    pitch_deg: tuple[float, float, float]
+    """At stop angle + 0, 120, 240 deg."""
+    plan: Planform = field(repr=False)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _World:
+    scene: Any  # open3d's RaycastingScene has no types
+    hub: Float
+    normal: Float
+    tower_down: Float
+    stop_angle_deg: float
+    pitch: tuple[float, float, float]
+    plan: Planform
+    turbine: Turbine
+
+
+def make_scene(seed: int, options: SceneOptions | None = None) -> AngleScene:
+    """Return the scene of a seed. The same seed and options give the same scene."""
+    opt = options or SceneOptions()
+    rng = np.random.default_rng([seed, 77])
+    world = _build_world(rng, opt)
+    return _look(world, rng, opt)
+
+
+def _draw_pitch(rng: np.random.Generator, opt: SceneOptions) -> tuple[float, float, float]:
+    if opt.pitch_deg is not None:
+        base = rng.uniform(*opt.pitch_deg)
+    else:
+        kind = rng.random()
+        base = (
+            rng.uniform(0, 5)
+            if kind < 0.40
+            else rng.uniform(82, 90)
+            if kind < 0.85
+            else rng.uniform(5, 82)
+        )
+    each = base + rng.uniform(-1.5, 1.5, 3)
+    if rng.random() < opt.feather_one:
+        k = int(rng.integers(3))
+        each[k] += 90.0 if base < 45 else -90.0
+    return float(each[0]), float(each[1]), float(each[2])
+
+
+def _cylinder(a: Float, b: Float, r0: float, r1: float, n: int = 48) -> tuple[Float, np.ndarray]:
+    axis = (b - a) / np.linalg.norm(b - a)
+    side = np.cross(axis, [0.3, 0.9, 0.1])
+    side = side / np.linalg.norm(side)
+    other = np.cross(axis, side)
+    t = np.linspace(0, 2 * np.pi, n, endpoint=False)[:, None]
+    ring = np.cos(t) * side + np.sin(t) * other
+    v = np.concatenate([a + r0 * ring, b + r1 * ring, a[None], b[None]])
+    i = np.arange(n)
+    j = (i + 1) % n
+    faces = np.concatenate(
+        [
+            np.stack([i, j, i + n], 1),
+            np.stack([j, j + n, i + n], 1),
+            np.stack([j, i, np.full(n, 2 * n)], 1),
+            np.stack([i + n, j + n, np.full(n, 2 * n + 1)], 1),
+        ]
+    )
+    return v, faces
+
+
+def _build_world(rng: np.random.Generator, opt: SceneOptions) -> _World:
+    plan = draw_planform(rng)
+    length = plan.length_m
+    tilt, cone = rng.uniform(0.0, 8.0), rng.uniform(-1.0, 5.0)
+    yaw = rng.uniform(-np.pi, np.pi)
+    level = np.array([math.cos(yaw), math.sin(yaw), 0.0])
+    tilt_rad = math.radians(tilt)
+    normal = math.cos(tilt_rad) * level - math.sin(tilt_rad) * np.array([0, 0, 1.0])
+    lean = np.deg2rad(rng.normal(0, 0.25, 2)) * (1.0 if opt.lean else 0.0)
+    tower_up = np.array([lean[0], lean[1], 1.0])
+    tower_up /= np.linalg.norm(tower_up)
+    top_radius = rng.uniform(0.018, 0.026) * length + 0.3
+    overhang = rng.uniform(0.06, 0.085) * length + top_radius
+    height = 1.25 * length + rng.uniform(10, 35)
+    tower_top = tower_up * (height - 2.0)
+    hub = tower_top + np.array([0, 0, 2.0]) - overhang * normal
+    angle = rng.uniform(0, 120)
+    pitch = _draw_pitch(rng, opt)
+    sense = 1.0
+    if not opt.droop:
+        plan = _without_droop(plan)
+    parts = [_cylinder(tower_up * 0.0, tower_top, top_radius * rng.uniform(1.4, 1.9), top_radius)]
+    parts += _nacelle(hub, normal, plan, overhang)
+    for k in range(3):
+        a = math.radians(angle + 120 * k + rng.uniform(-0.2, 0.2))
+        z = direction_at(a, normal, -tower_up, math.radians(cone))
+        x = np.cross(normal, z)
+        x = direction_at(a + math.pi / 2, normal, -tower_up)
+        y = np.cross(z, x)
+        y = y if y @ normal > 0 else -y
+        vertices, faces = blade_mesh(plan, pitch[k], (float(-x[2]), float(-y[2])), sense)
+        parts.append((hub + vertices @ np.stack([x, y, z]), faces))
+    half = 400.0
+    ground = np.array([[-half, -half, 0], [half, -half, 0], [half, half, 0], [-half, half, 0.0]])
+    parts.append((ground, np.array([[0, 1, 2], [0, 2, 3]])))
+    scene = o3d.t.geometry.RaycastingScene(nthreads=1)
+    for vertices, faces in parts:
+        scene.add_triangles(
+            o3d.core.Tensor(vertices.astype(np.float32)), o3d.core.Tensor(faces.astype(np.uint32))
+        )
+    turbine = known_turbine(plan, tilt, cone, overhang, rng)
+    return _World(scene, hub, normal, -tower_up, angle, pitch, plan, turbine)
+
+
+def _without_droop(plan: Planform) -> Planform:
+    return Planform(
+        plan.length_m,
+        plan.hub_radius_m,
+        plan.span,
+        plan.chord_m,
+        plan.twist_deg,
+        plan.thickness,
+        plan.prebend_m,
+        plan.pitch_axis,
+        plan.camber,
+        plan.trailing_edge,
+        0.0,
+        0.0,
+    )
+
+
+def _nacelle(
+    hub: Float, normal: Float, plan: Planform, overhang: float
+) -> list[tuple[Float, np.ndarray]]:
+    r = plan.hub_radius_m * 1.05 + 0.5 * float(plan.chord_m[0])
+    body = _cylinder(hub - 0.7 * r * normal, hub + 0.7 * r * normal, 0.75 * r, 0.9 * r)
+    nose = _cylinder(hub - 1.3 * r * normal, hub - 0.7 * r * normal, 0.3 * r, 0.75 * r)
+    w = 0.045 * plan.length_m + 0.6
+    hull = _cylinder(hub + 0.7 * r * normal, hub + (overhang + 4 * w) * normal, w * 0.8, w * 0.9, 8)
+    return [body, nose, hull]
+
+
+def _rays(rng: np.random.Generator, count: int, window_deg: float) -> Float:
+    """Directions in the sensor's frame, evenly over 360 x (-7..52) deg, with angular noise."""
+    k = np.arange(count) + rng.integers(1 << 20)
+    azimuth = 2 * np.pi * ((k * 0.7548776662466927) % 1.0) - np.pi
+    elevation = np.deg2rad(-7.0 + 59.0 * ((k * 0.5698402909980532) % 1.0))
+    keep = np.abs(np.rad2deg(azimuth)) <= window_deg / 2
+    azimuth, elevation = azimuth[keep], elevation[keep]
+    return np.stack(
+        [
+            np.cos(elevation) * np.cos(azimuth),
+            np.cos(elevation) * np.sin(azimuth),
+            np.sin(elevation),
+        ],
+        axis=1,
+    )
+
+
+def _look(world: _World, rng: np.random.Generator, opt: SceneOptions) -> AngleScene:
+    direction = rng.normal(size=3)
+    direction /= np.linalg.norm(direction)
+    prior_hub = world.hub + direction * rng.uniform(*opt.prior_error_m)
+    prior_yaw = math.atan2(world.normal[1], world.normal[0]) + math.radians(rng.normal(0, 4.0))
+    prior_normal = np.array([math.cos(prior_yaw), math.sin(prior_yaw), 0.0])
+    stand_off = rng.uniform(*opt.stand_off_m)
+    view = prior_hub - prior_normal * stand_off
+    while _distance(world, view) < 9.0:
+        view = view - prior_normal * 0.5
+    pos_err = rng.normal(0, opt.position_sigma_m, 3)
+    err = rotation_from_euler(*np.deg2rad(rng.normal(0, opt.attitude_deg, 3)))
+    extrinsic = rotation_from_euler(*np.deg2rad(rng.normal(0, opt.extrinsic_deg, 3)))
+    sensor_body = lidar_in_body(23.0)
+    frames = max(1, round(opt.seconds * 10))
+    wander = np.cumsum(rng.normal(0, 0.03, (frames, 3)), axis=0)
+    jitter = pos_err + np.cumsum(rng.normal(0, 0.01, (frames, 3)), axis=0)
+    points, origins = [], []
+    for f in range(frames):
+        tilt = np.deg2rad(rng.normal(0, 1.0, 2))
+        true_body = rotation_from_euler(tilt[0], tilt[1], prior_yaw)
+        p_true, p_told = view + wander[f], view + wander[f] + jitter[f]
+        rays = _rays(rng, RATE_HZ // 10, opt.window_deg)
+        d_l = rays + rng.normal(0, math.radians(0.05), rays.shape)
+        ranges, keep = _cast(world, p_true, d_l @ (true_body @ sensor_body @ extrinsic).T, rng, opt)
+        told = err @ true_body @ sensor_body
+        points.append(p_told + (rays[keep] * ranges[:, None]) @ told.T)
+        origins.append(np.broadcast_to(p_told, (len(ranges), 3)))
+    mean_true, mean_told = view + wander.mean(0), view + wander.mean(0) + jitter.mean(0)
+    # Truth in the told frame: the extrinsic error turns the cloud about the vehicle as well.
+    middle = rotation_from_euler(0.0, 0.0, prior_yaw) @ sensor_body
+    turn = err @ middle @ extrinsic.T @ middle.T
+    return AngleScene(
+        np.concatenate(points),
+        np.concatenate(origins),
+        mean_told,
+        prior_hub,
+        prior_normal,
+        np.array([0.0, 0.0, -1.0]),
+        world.turbine,
+        world.plan.radius_m,
+        world.stop_angle_deg,
+        mean_told + turn @ (world.hub - mean_true),
+        turn @ world.normal,
+        world.pitch,
+        world.plan,
+    )
+
+
+def _distance(world: _World, point: Float) -> float:
+    query = o3d.core.Tensor(np.asarray(point, np.float32)[None])
+    return float(world.scene.compute_distance(query, nthreads=1).numpy()[0])
+
+
+def _cast(
+    world: _World, origin: Float, rays: Float, rng: np.random.Generator, opt: SceneOptions
+) -> tuple[Float, np.ndarray]:
+    """Return measured ranges of detected pulses and their indices among the rays."""
+    n = len(rays)
+    packed = np.empty((n, 6), np.float32)
+    packed[:, :3], packed[:, 3:] = origin, rays
+    answer = world.scene.cast_rays(o3d.core.Tensor(packed), nthreads=1)
+    t = answer["t_hit"].numpy().astype(float)
+    normals = answer["primitive_normals"].numpy()
+    with np.errstate(invalid="ignore"):
+        cos_inc = np.abs(np.einsum("ij,ij->i", normals, packed[:, 3:])) / np.linalg.norm(
+            packed[:, 3:], axis=1
+        )
+        ground = origin[2] + t * rays[:, 2] < 0.05
+        link = np.where(ground, 0.25, 0.8) * cos_inc * np.exp(-2 * opt.fog_per_m * t) / t**2
+    seen = np.isfinite(t) & (t < 70.0)
+    chance = np.zeros(n)
+    chance[seen] = 1 / (1 + (DETECTABLE / link[seen]) ** 4)
+    chance *= np.clip((np.deg2rad(88) - np.arccos(np.clip(cos_inc, 0, 1))) / np.deg2rad(10), 0, 1)
+    hit = np.flatnonzero(rng.random(n) < chance)
+    sigma = np.hypot(0.0034, 0.00073 * t[hit]) / np.clip(cos_inc[hit], 0.05, 1) ** 0.78
+    ranges = t[hit] + rng.normal(0, 1, len(hit)) * sigma + opt.range_bias_m
+    ranges = _mix_edges(world, packed[hit], t[hit], ranges, rng)
+    if opt.fog_per_m > 0:
+        share = 1 - math.exp(-opt.fog_per_m * 0.8)
+        fog = np.flatnonzero(rng.random(n) < share * 0.05)
+        near = rng.exponential(3.0, len(fog)) + 0.5
+        free = near < np.where(np.isfinite(t[fog]), t[fog], 70.0)
+        hit, ranges = np.concatenate([hit, fog[free]]), np.concatenate([ranges, near[free]])
+    return ranges, hit
+
+
+def _mix_edges(
+    world: _World, packed: np.ndarray, t: Float, ranges: Float, rng: np.random.Generator
+) -> Float:
+    """Pulses split by an edge return a range between the two surfaces, at times."""
+    beside = packed.copy()
+    beside[:, 3:] += rng.normal(0, math.radians(0.08), (len(packed), 3)).astype(np.float32)
+    other = world.scene.cast_rays(o3d.core.Tensor(beside), nthreads=1)["t_hit"].numpy()
+    gap = other.astype(float) - t
+    mixed = (
+        np.isfinite(gap) & (np.abs(gap) > 0.3) & (np.abs(gap) < 3.0) & (rng.random(len(t)) < 0.4)
+    )
+    return np.where(mixed, ranges + rng.random(len(t)) * np.where(mixed, gap, 0.0), ranges)
+
+
+def blade_direction_truth(scene: AngleScene, k: int) -> Float:
+    """Return the (3,) in-plane direction of blade k in the points' frame (for pictures)."""
+    base = direction_at(math.radians(scene.stop_angle_deg + 120 * k), scene.normal_w, scene.down_w)
+    assert abs(angle_of(base, scene.normal_w, scene.down_w)) <= math.pi
+    return base

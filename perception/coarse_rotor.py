@@ -1,0 +1,200 @@
+"""Coarse rotor from a cloud without a good prior: planes, then three arms in each plane.
+
+A plane near the vertical is found by RANSAC; the points within it form an occupancy image, and
+templates of three arms 120 deg apart are correlated with it (sum + 2 x the weakest arm).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from perception.rotor import direction_at, down_in_plane, right_in_plane
+from perception.values import Float
+
+CELL_M = 0.5
+ANGLE_STEPS = 48
+HYPOTHESES = 500
+PLANE_THRESHOLD_M = 0.9
+SAMPLE = 1500
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CoarseRotor:
+    """A first guess of the rotor; ``angle_rad`` from straight down, modulo 120 deg."""
+
+    hub_w: Float
+    normal_w: Float
+    angle_rad: float
+    score: float
+    arms_m: tuple[float, float, float]
+    """Occupied length along each arm."""
+
+
+def rotor_planes(
+    points_w: Float,
+    viewpoint_w: Float,
+    prior_normal_w: Float | None,
+    down_w: Float,
+    count: int = 3,
+) -> list[tuple[Float, float]]:
+    """Return up to ``count`` (unit normal (3,), offset) planes, the most supported first.
+
+    Normals are within 20 deg of the horizontal and point away from the viewpoint (or along
+    ``prior_normal_w``, within 40 deg of it). Deterministic: the draws have a fixed seed.
+    """
+    rng = np.random.default_rng(12345)
+    sample = (
+        points_w if len(points_w) <= SAMPLE else points_w[rng.choice(len(points_w), SAMPLE, False)]
+    )
+    if len(sample) < 30:
+        return []
+    triples = sample[rng.integers(len(sample), size=(HYPOTHESES, 3))]
+    normals = np.cross(triples[:, 1] - triples[:, 0], triples[:, 2] - triples[:, 0])
+    norms = np.linalg.norm(normals, axis=1)
+    wide = norms > 4.0  # twice the triangle's area: slivers say nothing
+    normals = normals[wide] / norms[wide, None]
+    anchors = triples[wide, 0]
+    towards = prior_normal_w if prior_normal_w is not None else None
+    facing = (
+        np.einsum("ij,ij->i", normals, anchors - viewpoint_w)
+        if towards is None
+        else normals @ towards
+    )
+    normals = np.where(facing[:, None] < 0, -normals, normals)
+    upright = np.abs(normals @ down_w) < math.sin(math.radians(20))
+    if towards is not None:
+        upright &= np.abs(facing) > math.cos(math.radians(40))
+    normals, anchors = normals[upright], anchors[upright]
+    if len(normals) == 0:
+        return []
+    offsets = np.einsum("ij,ij->i", normals, anchors)
+    near = np.abs(sample @ normals.T - offsets) < PLANE_THRESHOLD_M
+    support = near.sum(axis=0)
+    middle = np.median(sample, axis=0)
+    planes: list[tuple[Float, float]] = []
+    for k in np.argsort(-support):
+        n, d = normals[k], float(offsets[k])
+        if any(
+            abs(n @ m) > math.cos(math.radians(12)) and abs(d - n @ middle - e + m @ middle) < 2.0
+            for m, e in planes
+        ):
+            continue
+        inliers = sample[near[:, k]]
+        if len(inliers) < 20:
+            break
+        planes.append(_refit(inliers, n, down_w))
+        if len(planes) == count:
+            break
+    return planes
+
+
+def _refit(inliers_w: Float, normal_w: Float, down_w: Float) -> tuple[Float, float]:
+    centre = np.median(inliers_w, axis=0)
+    _, _, rows = np.linalg.svd(inliers_w - centre, full_matrices=False)
+    fitted: Float = rows[2] if rows[2] @ normal_w > 0 else -rows[2]
+    if abs(fitted @ down_w) > math.sin(math.radians(16)) or fitted @ normal_w < 0.97:
+        fitted = normal_w
+    return fitted, float(np.median(inliers_w @ fitted))
+
+
+def three_arms(
+    points_w: Float,
+    plane: tuple[Float, float],
+    down_w: Float,
+    search_centre_w: Float,
+    search_radius_m: float,
+    radius_m: float,
+) -> CoarseRotor | None:
+    """Return the best hub and angle within one plane, or None when the image is empty."""
+    normal, offset = plane
+    down, right = down_in_plane(normal, down_w), right_in_plane(normal, down_w)
+    depth = points_w @ normal - offset
+    centre = search_centre_w - (search_centre_w @ normal - offset) * normal
+    local = points_w - centre
+    u, v = local @ right, local @ down
+    reach = min(radius_m, 26.0)
+    half = search_radius_m + reach + 2.0
+    keep = (np.abs(depth) < 0.9 + 0.028 * radius_m) & (np.abs(u) < half) & (np.abs(v) < half)
+    if keep.sum() < 20:
+        return None
+    size = int(2 * half / CELL_M) + 1
+    image = np.zeros((size, size), np.float32)
+    image[((u[keep] + half) / CELL_M).astype(int), ((v[keep] + half) / CELL_M).astype(int)] = 1.0
+    inner = max(1.5, 0.05 * radius_m)
+    span = int(search_radius_m / CELL_M)
+    best = _correlate(image, size // 2, span, inner, reach, 2)
+    best = _correlate_near(image, best, inner, reach)
+    score, cu, cv, step, a0, a1, a2 = best
+    hub = centre + (cu * CELL_M - half) * right + (cv * CELL_M - half) * down
+    angle = 2 * math.pi / 3 * step / ANGLE_STEPS
+    return CoarseRotor(hub, normal, angle, float(score), (a0 * CELL_M, a1 * CELL_M, a2 * CELL_M))
+
+
+@numba.njit(cache=True)
+def _arm(
+    image: np.ndarray, cu: float, cv: float, angle: float, inner: float, reach: float
+) -> float:
+    """Occupied cells along one arm, each within a cell of the line."""
+    total = 0.0
+    cu_step, cv_step = math.sin(angle), math.cos(angle)
+    n = image.shape[0]
+    for k in range(int(inner / CELL_M), int(reach / CELL_M)):
+        x, y = cu + k * cu_step, cv + k * cv_step
+        i, j = int(x + 0.5), int(y + 0.5)
+        if 1 <= i < n - 1 and 1 <= j < n - 1:
+            centre = image[i, j]
+            # One cell to either side across the arm, at a lower price.
+            i2, j2 = int(x + cv_step + 0.5), int(y - cu_step + 0.5)
+            i3, j3 = int(x - cv_step + 0.5), int(y + cu_step + 0.5)
+            total += 0.5 * centre + 0.25 * (image[i2, j2] + image[i3, j3])
+    return total
+
+
+@numba.njit(cache=True)
+def _scored(image: np.ndarray, cu: float, cv: float, step: float, inner: float, reach: float):  # type: ignore[no-untyped-def]  # compiled
+    base = 2 * math.pi / 3 * step / ANGLE_STEPS
+    a = _arm(image, cu, cv, base, inner, reach)
+    b = _arm(image, cu, cv, base + 2 * math.pi / 3, inner, reach)
+    c = _arm(image, cu, cv, base + 4 * math.pi / 3, inner, reach)
+    return a + b + c + 2 * min(a, b, c), a, b, c
+
+
+@numba.njit(cache=True)
+def _correlate(image: np.ndarray, middle: int, span: int, inner: float, reach: float, stride: int):  # type: ignore[no-untyped-def]  # compiled
+    best = (-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    for i in range(middle - span, middle + span + 1, stride):
+        for j in range(middle - span, middle + span + 1, stride):
+            if (i - middle) ** 2 + (j - middle) ** 2 > span * span:
+                continue
+            for step in range(0, ANGLE_STEPS, 2):
+                s, a, b, c = _scored(image, float(i), float(j), float(step), inner, reach)
+                if s > best[0]:
+                    best = (s, float(i), float(j), float(step), a, b, c)
+    return best
+
+
+@numba.njit(cache=True)
+def _correlate_near(image: np.ndarray, start, inner: float, reach: float):  # type: ignore[no-untyped-def]  # compiled
+    best = start
+    _, i0, j0, step0, _, _, _ = start
+    for di in range(-3, 4):
+        for dj in range(-3, 4):
+            for ds in range(-5, 6):
+                s, a, b, c = _scored(
+                    image, i0 + 0.7 * di, j0 + 0.7 * dj, step0 + 0.6 * ds, inner, reach
+                )
+                if s > best[0]:
+                    best = (s, i0 + 0.7 * di, j0 + 0.7 * dj, step0 + 0.6 * ds, a, b, c)
+    return best
+
+
+def arm_directions(coarse: CoarseRotor, down_w: Float) -> list[Float]:
+    """Return the (3,) unit in-plane directions of the three arms."""
+    return [
+        direction_at(coarse.angle_rad + 2 * math.pi / 3 * k, coarse.normal_w, down_w)
+        for k in range(3)
+    ]

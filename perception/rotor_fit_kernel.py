@@ -1,0 +1,179 @@
+"""Normal equations of the joint fit, compiled.
+
+Each datum is compared with the nearest visible piece of its blade's section (points) or with the
+section's outermost visible vertex (edges); residuals are along that piece's normal.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+
+#: Order of the parameters. Hub shift right, down, along the normal; turn of the plane about down
+#: and right (slope of depth along right, down); stop angle; cone; prebend scale; sag scale; chord
+#: scale; pitch-axis scale; thickness scale; twist scale; pitch of the three blades.
+HX, HY, HZ, SR, SD, ANGLE, CONE, PREBEND, SAG, CHORD, AXIS, THICK, TWIST, PITCH = range(14)
+PARAMETERS = 16
+
+
+@numba.njit(cache=True, fastmath=True)
+def normal_equations(  # type: ignore[no-untyped-def]  # compiled; called from rotor_fit alone
+    params,
+    blade,
+    r,
+    v,
+    w,
+    kind,
+    view,
+    sigma,
+    axes,
+    station,
+    x,
+    y,
+    length,
+    hub_radius,
+    sense,
+    huber,
+    reject,
+    out_jtj,
+    out_jtr,
+    out_residual,
+):
+    """Accumulate J'WJ and J'Wr; return the robust cost. ``axes``: (3, 4) rows are
+    (radial.right, radial.down, tangential.right, tangential.down); ``station``: (S, 5) chord, twist,
+    pitch axis, prebend, bend shape."""
+    out_jtj[:] = 0.0
+    out_jtr[:] = 0.0
+    cost = 0.0
+    stations, vertices = x.shape
+    g = np.zeros((2, PARAMETERS))
+    q = np.zeros((vertices, 2))
+    row = np.zeros(PARAMETERS)
+    for m in range(len(r)):
+        b = blade[m]
+        position = (r[m] - hub_radius) / length * (stations - 1)
+        position = min(max(position, 0.0), stations - 1.001)
+        i = int(position)
+        f = position - i
+        near = i + 1 if f > 0.5 else i
+        c0 = station[i, 0] * (1 - f) + station[i + 1, 0] * f
+        t0 = station[i, 1] * (1 - f) + station[i + 1, 1] * f
+        x0 = station[i, 2] * (1 - f) + station[i + 1, 2] * f
+        p0 = station[i, 3] * (1 - f) + station[i + 1, 3] * f
+        s0 = station[i, 4] * (1 - f) + station[i + 1, 4] * f
+        pitch = params[PITCH + b]
+        chord = c0 * params[CHORD]
+        xa = 0.5 - params[AXIS] * (0.5 - x0)
+        phi = pitch + params[TWIST] * t0
+        sp, cp = math.sin(pitch), math.cos(pitch)
+        s, c = math.sin(phi), math.cos(phi)
+        le_v, le_w = -sense * c, -s
+        ps_v, ps_w = sense * s, -c
+        er_r, er_d, et_r, et_d = axes[b, 0], axes[b, 1], axes[b, 2], axes[b, 3]
+        # Flatwise (pressure-side) share of the sag is the soft one; edgewise a quarter of it.
+        flat = et_d * (sense * sp)
+        edge = et_d * (-sense * cp)
+        bend_v = s0 * (flat * (sense * sp) + 0.25 * edge * (-sense * cp))
+        bend_w = s0 * (flat * (-cp) + 0.25 * edge * (-sp))
+        ax_v = (
+            params[HX] * et_r
+            + params[HY] * et_d
+            + r[m] * params[ANGLE]
+            + params[PREBEND] * p0 * (sense * sp)
+            + params[SAG] * bend_v
+        )
+        ax_w = (
+            params[HZ]
+            + r[m] * (params[SR] * er_r + params[SD] * er_d - params[CONE])
+            - params[PREBEND] * p0 * cp
+            + params[SAG] * bend_w
+        )
+        for k in range(vertices):
+            along = (xa - x[near, k]) * chord
+            up = -y[near, k] * chord * params[THICK]
+            q[k, 0] = ax_v + along * le_v + up * ps_v
+            q[k, 1] = ax_w + along * le_w + up * ps_w
+        # The nearest visible piece.
+        best, best_k, best_f, n_v, n_w = 1e18, -1, 0.0, 0.0, 0.0
+        for k in range(vertices):
+            k2 = k + 1 if k + 1 < vertices else 0
+            dv, dw = q[k2, 0] - q[k, 0], q[k2, 1] - q[k, 1]
+            size = math.sqrt(dv * dv + dw * dw)
+            if size < 1e-6:
+                continue
+            # Outline runs TE, suction side, LE, pressure side; its outward normal:
+            o_v, o_w = sense * dw / size, -sense * dv / size
+            if o_v * view[m, 0] + o_w * view[m, 1] > -0.12:
+                continue
+            if kind[m] == 0:
+                f2 = ((v[m] - q[k, 0]) * dv + (w[m] - q[k, 1]) * dw) / (size * size)
+                f2 = min(max(f2, 0.0), 1.0)
+                e_v, e_w = v[m] - q[k, 0] - f2 * dv, w[m] - q[k, 1] - f2 * dw
+                distance = e_v * e_v + e_w * e_w
+                if distance < best:
+                    best, best_k, best_f, n_v, n_w = distance, k, f2, o_v, o_w
+            else:
+                turn = -1.0 if kind[m] == 2 else 1.0
+                if turn * q[k, 0] < best:
+                    best, best_k, best_f = turn * q[k, 0], k, 0.0
+                if turn * q[k2, 0] < best:
+                    best, best_k, best_f = turn * q[k2, 0], k, 1.0
+        if best_k < 0:
+            out_residual[m] = math.nan
+            continue
+        if kind[m] != 0:
+            n_v, n_w = 1.0, 0.0
+        k, k2 = best_k, (best_k + 1) % vertices
+        q_v = q[k, 0] * (1 - best_f) + q[k2, 0] * best_f
+        q_w = q[k, 1] * (1 - best_f) + q[k2, 1] * best_f
+        if kind[m] == 0:
+            # Off the end of the outline the distance is to a vertex, not to a side.
+            e_v, e_w = v[m] - q_v, w[m] - q_w
+            size = math.sqrt(e_v * e_v + e_w * e_w)
+            if (best_f == 0.0 or best_f == 1.0) and size > 1e-4:
+                turn = 1.0 if e_v * n_v + e_w * n_w >= 0 else -1.0
+                n_v, n_w = turn * e_v / size, turn * e_w / size
+        residual = n_v * (v[m] - q_v) + n_w * (w[m] - q_w)
+        out_residual[m] = residual
+        sx = x[near, k] * (1 - best_f) + x[near, k2] * best_f
+        sy = y[near, k] * (1 - best_f) + y[near, k2] * best_f
+        along, up = (xa - sx) * chord, -sy * chord * params[THICK]
+        turned_v = along * sense * s + up * sense * c
+        turned_w = -along * c + up * s
+        row[:] = 0.0
+        row[HX], row[HY], row[HZ] = n_v * et_r, n_v * et_d, n_w
+        row[SR], row[SD] = n_w * r[m] * er_r, n_w * r[m] * er_d
+        row[ANGLE], row[CONE] = n_v * r[m], -n_w * r[m]
+        row[PREBEND] = p0 * (sense * sp * n_v - cp * n_w)
+        row[SAG] = bend_v * n_v + bend_w * n_w
+        row[CHORD] = (n_v * (along * le_v + up * ps_v) + n_w * (along * le_w + up * ps_w)) / params[
+            CHORD
+        ]
+        row[AXIS] = -(0.5 - x0) * chord * (n_v * le_v + n_w * le_w)
+        row[THICK] = -sy * chord * (n_v * ps_v + n_w * ps_w)
+        row[TWIST] = t0 * (n_v * turned_v + n_w * turned_w)
+        row[PITCH + b] = (
+            n_v * turned_v + n_w * turned_w + params[PREBEND] * p0 * (sense * cp * n_v + sp * n_w)
+        )
+        z = abs(residual) / sigma[m]
+        if z > reject:
+            cost += huber * (2 * reject - huber)
+            continue
+        if z <= huber:
+            weight, part = 1.0, z * z
+        else:
+            weight, part = huber / z, huber * (2 * z - huber)
+        cost += part
+        weight /= sigma[m] * sigma[m]
+        for a in range(PARAMETERS):
+            if row[a] != 0.0:
+                wa = weight * row[a]
+                out_jtr[a] += wa * residual
+                for d in range(a + 1):
+                    out_jtj[a, d] += wa * row[d]
+    for a in range(PARAMETERS):
+        for d in range(a):
+            out_jtj[d, a] = out_jtj[a, d]
+    return cost
