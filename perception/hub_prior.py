@@ -1,0 +1,323 @@
+"""Prior hub p_h^0 from the ascent: the tower, and on which side of it the rotor hangs.
+
+Shi et al. 2025, Sec. III-B.1 take p_h^0 from a picture while the drone climbs along the tower, and
+name its error as what their method fails by. Here it is found by LiDAR. The tower's axis and top
+give the hub to a metre or two but for the overhang; the blades lie in a plane that misses the
+tower's axis by the overhang: of all plumb planes round it, the one that explains what stands off
+the tower names yaw and side together. Where two explain it alike, the side is unknown.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from config.turbine import Turbine
+from perception.tower import Tower, fit_tower
+from perception.values import Float
+from perception.voxel_hash import EMPTY, Int64, compiled, pack, rebuild, slot_of
+
+#: Within this of the hub, nacelle and spinner outweigh the blades.
+INNER_M = 6.5
+MIN_BLADE_VOXELS = 40
+#: Share of what stands off the tower that the rotor's plane must explain.
+MIN_EXPLAINED = 0.55
+#: Another yaw that explains this share of the best one's makes the side unknown.
+MAX_RIVAL = 0.8
+#: The site's ground height and the type's tower height together are not worse than this.
+MAX_TOP_ERROR_M = 12.0
+RIVAL_RAD = math.radians(30.0)
+YAW_STEP_RAD = math.radians(3.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SurveyResult:
+    """Tower and rotor as far as the ascent has shown them; mirrors the flight's `HubPrior`."""
+
+    stamp_s: float
+    tower: Tower
+    hub_w: Float
+    """(3,) p_h^0; on the tower's axis while the side is unknown."""
+    normal_w: Float | None
+    """(3,) unit, level, downwind; None: side unknown."""
+    sigma_m: float
+    """Of `hub_w`; includes the overhang while the side is unknown."""
+    yaw_sigma_deg: float
+    rotor_points: int
+    """Voxels of blade that speak for the side."""
+
+
+class TowerSurvey:
+    """Gathers scans on the way up; the memory is bounded by the turbine's size, not by time."""
+
+    def __init__(
+        self,
+        *,
+        expected_w: Float,
+        turbine: Turbine | None,
+        search_m: float = 18.0,
+        voxel_m: float = 0.35,
+        keep_s: float = 120.0,
+    ) -> None:
+        """Start empty.
+
+        ``expected_w``: (3,) where the tower's foot is said to stand, up to ``search_m`` wrong;
+        ``keep_s``: older voxels are left out, for the vehicle's own position drifts.
+        """
+        self._expected_w = np.asarray(expected_w, np.float64)
+        self._turbine = turbine
+        self._search_m = search_m
+        self._voxel_m = voxel_m
+        self._keep_s = keep_s
+        self._stamp_s = 0.0
+        self._count = 0
+        self._keys = np.full(1 << 18, EMPTY, np.int64)
+        self._rows = np.zeros(1 << 18, np.int64)
+        self._key = np.zeros(1 << 17, np.int64)
+        self._points = np.zeros((1 << 17, 3), np.float64)
+        self._stamps = np.zeros(1 << 17, np.float64)
+
+    @property
+    def _rotor_radius_m(self) -> float:
+        return 70.0 if self._turbine is None else self._turbine.rotor_radius_m
+
+    def update(self, points_w: Float, stamp_s: float) -> None:
+        """Take in one scan: (N, 3) world metres, at mission time ``stamp_s``."""
+        self._stamp_s = stamp_s
+        points = np.ascontiguousarray(points_w, np.float64)
+        if self._count + 4096 > len(self._key):
+            self._forget()
+        low = self._expected_w[2] + 8.0
+        if self._turbine is not None:
+            low += max(self._turbine.hub_height_m - self._rotor_radius_m - 25.0, 0.0)
+        self._count = _gather(
+            points, stamp_s, self._expected_w, self._search_m + 7.0,
+            self._search_m + self._rotor_radius_m, low, 1.0 / self._voxel_m,
+            self._keys, self._rows, self._key, self._points, self._stamps, self._count,
+        )  # fmt: skip
+
+    def result(self) -> SurveyResult | None:
+        """Return what is known by now, None while no tower is found."""
+        fresh = self._stamps[: self._count] >= self._stamp_s - self._keep_s
+        points = self._points[: self._count][fresh]
+        tower = fit_tower(
+            points,
+            expected_xy=self._expected_w[:2],
+            turbine=self._turbine,
+            search_m=self._search_m,
+        )
+        if tower is None:
+            return None
+        if not self._top_is_credible(tower):
+            tower = replace(tower, top_m=None)
+        hub_z, height_sigma = self._hub_height(tower)
+        centre = tower.at_height(hub_z)
+        found = rotor_side(points, tower, centre, self._turbine)
+        overhang = 4.0 if self._turbine is None else self._turbine.overhang_m
+        if found is None:
+            sigma = math.hypot(tower.sigma_m, height_sigma, overhang)
+            return SurveyResult(self._stamp_s, tower, centre, None, sigma, 180.0, 0)
+        reach = found.offset_m if self._turbine is None else overhang
+        lift, lift_sigma = _arms_height(found.blade, found.upwind_w, height_sigma)
+        height_sigma = min(height_sigma, lift_sigma)
+        hub = centre + reach * found.upwind_w + np.array([0.0, 0.0, lift])
+        sigma = math.hypot(tower.sigma_m, height_sigma, reach * found.sigma_rad, 0.4)
+        return SurveyResult(
+            self._stamp_s, tower, hub, -found.upwind_w, sigma,
+            math.degrees(found.sigma_rad), found.voxels,
+        )  # fmt: skip
+
+    def _top_is_credible(self, tower: Tower) -> bool:
+        """A blade seen beyond the view of the tower can pass for something above its top."""
+        if tower.top_m is None or self._turbine is None:
+            return True
+        expected = float(self._expected_w[2]) + self._turbine.tower_height_m
+        return abs(tower.top_m - expected) < MAX_TOP_ERROR_M
+
+    def _hub_height(self, tower: Tower) -> tuple[float, float]:
+        """Return the hub's height (z) and its sigma, from the top or from the type."""
+        turbine = self._turbine
+        if tower.top_m is not None:
+            above = 2.0 if turbine is None else turbine.hub_height_m - turbine.tower_height_m
+            return tower.top_m + above, 1.0
+        if turbine is not None:
+            expected = float(self._expected_w[2]) + turbine.hub_height_m
+            return max(expected, tower.highest_m), 5.0
+        return tower.highest_m + 2.0, 30.0
+
+    def _forget(self) -> None:
+        """Drop the older half, so that the memory never grows."""
+        keep = np.sort(np.argsort(self._stamps[: self._count])[self._count // 2 :])
+        count = len(keep)
+        self._key[:count] = self._key[keep]
+        self._points[:count] = self._points[keep]
+        self._stamps[:count] = self._stamps[keep]
+        self._count = count
+        self._keys.fill(EMPTY)
+        rebuild(self._keys, self._rows, self._key, count)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RotorSide:
+    """Where the rotor faces, seen from the tower."""
+
+    upwind_w: Float
+    """(3,) unit, level, from the tower's axis to the rotor."""
+    offset_m: float
+    """Of the visible blades' plane from the axis at hub height."""
+    sigma_rad: float
+    voxels: int
+    blade: Float
+    """(N, 3) what lies in the rotor's plane, from the tower's axis at the supposed hub height."""
+
+
+def rotor_side(
+    points_w: Float, tower: Tower, centre_w: Float, turbine: Turbine | None
+) -> RotorSide | None:
+    """Return the side of the rotor, None where the points do not tell it.
+
+    ``points_w``: (N, 3) thinned; ``centre_w``: (3,) the tower's axis at hub height.
+    """
+    # Unknown types: blades reach down to about two fifths of the hub's height.
+    height = float(centre_w[2] - tower.foot_w[2])
+    radius = 0.6 * height if turbine is None else turbine.rotor_radius_m
+    overhang = 4.0 if turbine is None else turbine.overhang_m
+    offset = points_w - centre_w
+    off_tower = (tower.surface_distance(points_w) > 0.8) | (offset[:, 2] > 3.0)
+    reach = np.linalg.norm(offset, axis=1)
+    blade = offset[off_tower & (reach > INNER_M) & (reach < radius + 3.0)]
+    if len(blade) < MIN_BLADE_VOXELS:
+        return None
+    tilt = math.radians(5.0 if turbine is None else turbine.tilt_deg)
+    cone = math.radians(2.0 if turbine is None else turbine.cone_deg)
+    yaws = np.arange(0.0, 2 * math.pi, YAW_STEP_RAD)
+    depths = overhang + np.arange(-1.5, 1.51, 0.5)
+    some = np.linspace(0, len(blade) - 1, min(len(blade), 1500)).astype(np.int64)
+    score, depth = _plane_scores(blade[some], yaws, depths, math.tan(tilt), math.tan(cone), radius)
+    best = int(np.argmax(score))
+    turn = np.abs((yaws - yaws[best] + math.pi) % (2 * math.pi) - math.pi)
+    rival = float(score[turn > RIVAL_RAD].max())
+    if rival > MAX_RIVAL * score[best]:
+        return None
+    return _refined(blade, float(yaws[best]), float(depth[best]), math.tan(tilt), math.tan(cone))
+
+
+def _refined(blade: Float, yaw: float, depth: float, tilt: float, cone: float) -> RotorSide | None:
+    """Return the side after robust least squares over yaw and offset, None where poor."""
+    for width_m in (2.5, 2.0, 1.6, 1.6):
+        u = np.array([math.cos(yaw), math.sin(yaw)])
+        lateral = -blade[:, 0] * u[1] + blade[:, 1] * u[0]
+        out = np.hypot(lateral, blade[:, 2])
+        residual = blade[:, :2] @ u - (depth - tilt * blade[:, 2] + cone * out)
+        weight = np.clip(1 - (residual / width_m) ** 2, 0, None) ** 2
+        rows = np.stack([lateral, -np.ones_like(lateral)], axis=1)
+        # The overhang is known to about a metre; yaw is free.
+        normal = rows.T @ (rows * weight[:, None]) + np.diag([1e-6, 1.0])
+        step = np.linalg.solve(normal, -(rows.T @ (weight * residual)))
+        yaw += float(np.clip(step[0], -0.1, 0.1))
+        depth += float(np.clip(step[1], -1.0, 1.0))
+    inlier = np.abs(residual) < 1.6
+    if int(inlier.sum()) < max(MIN_BLADE_VOXELS, MIN_EXPLAINED * len(blade)):
+        return None
+    # Neighbouring voxels of a chord share its offset: one independent measure in about ten.
+    spread = float(np.sqrt(np.mean(residual[inlier] ** 2)))
+    sigma = math.sqrt(10.0) * spread * math.sqrt(float(np.linalg.inv(normal)[0, 0]))
+    upwind = np.array([math.cos(yaw), math.sin(yaw), 0.0])
+    count = int(inlier.sum())
+    return RotorSide(upwind, depth, sigma + math.radians(2.0), count, blade[inlier])
+
+
+def _arms_height(blade: Float, upwind_w: Float, sigma_m: float) -> tuple[float, float]:
+    """Return how much higher than supposed the hub is, and the sigma of that.
+
+    The tower's top may be hidden by the blade that hangs before it; three arms 120 deg apart still
+    meet at the hub. Where they do not tell (one upright blade), nothing is changed.
+    """
+    lateral = -blade[:, 0] * upwind_w[1] + blade[:, 1] * upwind_w[0]
+    some = np.linspace(0, len(blade) - 1, min(len(blade), 800)).astype(np.int64)
+    lifts = np.arange(-10.0, 10.01, 0.5)
+    score = _arm_scores(lateral[some], blade[some, 2], lifts)
+    # Indifferent scores leave the height where the tower puts it.
+    judged = score / max(float(score.max()), 1e-9) - 0.5 * (lifts / (10.0 + 3 * sigma_m)) ** 2
+    best = int(np.argmax(judged))
+    alike = lifts[judged > judged[best] - 0.1]
+    return float(lifts[best]), max(1.0, 0.5 * float(alike.max() - alike.min()))
+
+
+@compiled
+def _arm_scores(lateral: Float, height: Float, lifts: Float) -> Float:
+    """Return, for each height of the hub, how well three arms cover the points."""
+    scores = np.zeros(len(lifts))
+    for k in range(len(lifts)):
+        for step in range(60):
+            total = 0.0
+            for n in range(len(lateral)):
+                z = height[n] - lifts[k]
+                nearest = 9.0
+                for arm in range(3):
+                    angle = np.deg2rad(2.0 * step + 120.0 * arm)
+                    along = lateral[n] * np.sin(angle) - z * np.cos(angle)
+                    if along > 0:
+                        aside = abs(lateral[n] * np.cos(angle) + z * np.sin(angle))
+                        nearest = min(nearest, aside)
+                if nearest < 1.5:
+                    total += 1.0 - nearest / 1.5
+            scores[k] = max(scores[k], total)
+    return scores
+
+
+@compiled
+def _plane_scores(
+    blade: Float, yaws: Float, depths: Float, tilt: float, cone: float, radius: float
+) -> tuple[Float, Float]:
+    scores = np.zeros(len(yaws))
+    best_depth = np.zeros(len(yaws))
+    for a in range(len(yaws)):
+        ux, uy = np.cos(yaws[a]), np.sin(yaws[a])
+        for depth in depths:
+            score = 0.0
+            for n in range(len(blade)):
+                lateral = -blade[n, 0] * uy + blade[n, 1] * ux
+                out = np.hypot(lateral, blade[n, 2])
+                if out < 5.0 or out > radius + 2.0:
+                    continue
+                stands = blade[n, 0] * ux + blade[n, 1] * uy
+                residual = stands - (depth - tilt * blade[n, 2] + cone * out)
+                if abs(residual) < 1.4:
+                    score += 1.0 - (residual / 1.4) ** 2
+            if score > scores[a]:
+                scores[a] = score
+                best_depth[a] = depth
+    return scores, best_depth
+
+
+@compiled
+def _gather(
+    points: Float, stamp: float, expected: Float, tower_reach: float, rotor_reach: float,
+    low: float, per_metre: float, keys: Int64, rows: Int64, key: Int64, kept: Float,
+    stamps: Float, count: int,
+) -> int:  # fmt: skip
+    """Keep the first point of each voxel near the tower, or in the rotor's heights."""
+    for n in range(len(points)):
+        x, y, z = points[n, 0], points[n, 1], points[n, 2]
+        reach = np.hypot(x - expected[0], y - expected[1])
+        if not (reach < rotor_reach and z < 400.0 and z > -400.0):
+            continue
+        if reach > tower_reach and z < low:
+            continue
+        one = pack(
+            int(np.floor(x * per_metre)), int(np.floor(y * per_metre)), int(np.floor(z * per_metre))
+        )
+        slot = slot_of(keys, one)
+        if keys[slot] == EMPTY:
+            if count >= len(key):
+                break
+            keys[slot] = one
+            rows[slot] = count
+            key[count] = one
+            kept[count, 0], kept[count, 1], kept[count, 2] = x, y, z
+            count += 1
+        stamps[rows[slot]] = stamp
+    return count
