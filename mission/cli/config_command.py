@@ -68,7 +68,7 @@ def _as_table(loaded: Loaded) -> Table:
     table.add_column("from", overflow="fold")
     section = ""
     for key, value, place in loaded.leaves():
-        if key.partition(".")[0] != section:
+        if "." in key and key.partition(".")[0] != section:
             section = key.partition(".")[0]
             table.add_section()
         style = "dim" if place == DEFAULT else "bold"

@@ -29,7 +29,7 @@ app.add_typer(config_command.app, name="config", help="Show and check the config
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from importlib.metadata import version  # noqa: PLC0415 - only when asked for
+        from importlib.metadata import version
 
         typer.echo(f"bladescout {version('bladescout')}")
         raise typer.Exit
@@ -53,7 +53,7 @@ def run() -> None:
         sys.exit(int(Exit.UNFINISHED))
     except Exception as error:  # noqa: BLE001 - the last line of defence; logged in full below
         log_file = Path("bladescout-error.log")
-        import traceback  # noqa: PLC0415 - only in this rare case
+        import traceback
 
         log_file.write_text(traceback.format_exc())
         errors.print(f"[bold red]error:[/] {type(error).__name__}: {error}", soft_wrap=True)

@@ -39,10 +39,8 @@ def print_summary(console: Console, mission: Mapping[str, object], folder: Path)
     table.add_row("stop angle", f"{angle} +- {sigma}")
     if _at(mission, "truth") is not None:
         error = _number(_at(mission, "errors", "stop_angle_deg"), "+.2f", " deg")
-        table.add_row(
-            "",
-            f"true {_number(_at(mission, 'truth', 'stop_angle_deg'), '.2f', ' deg')}, error {error}",
-        )
+        true = _number(_at(mission, "truth", "stop_angle_deg"), ".2f", " deg")
+        table.add_row("", f"true {true}, error {error}")
         table.add_row(
             "clearance",
             _number(_at(mission, "truth", "min_clearance_m"), ".1f", " m at least (true)"),

@@ -12,7 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from config.sources import settings_as_toml
+from config.sources import to_toml
 from drivers.bus import Bus, Key, Sample
 from mission.flight.observation import RequestKind
 from mission.processes.runtime import Runtime, run_process
@@ -105,7 +105,7 @@ class Recorder:
         folder = Path(intent.mission_dir)
         recording = Recording(folder / RECORDING)
         self._open = _Open(intent, folder, recording)
-        text = settings_as_toml(self._settings)
+        text = to_toml(self._settings)
         self._submit(lambda: write_whole(folder / CONFIG, text.encode()))
 
     async def _take_photo(self, mission: _Open, taken: PhotoTakenMessage) -> None:

@@ -23,7 +23,7 @@ from mission.remote.messages import (
 )
 
 CHUNK_BYTES = 256 * 1024
-_PROTOBUF: Mapping[str, type[PointCloud] | type[CompressedImage]] = {
+_PROTOBUF: Mapping[str, type[PointCloud | CompressedImage]] = {
     Key.SCAN: PointCloud,
     Key.OCCUPANCY: PointCloud,
     Key.FRAME: CompressedImage,
