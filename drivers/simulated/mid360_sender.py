@@ -1,0 +1,92 @@
+"""Sends datagrams when their mission time has come, from a thread of its own."""
+
+from __future__ import annotations
+
+import logging
+import socket
+import threading
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from drivers.clock import Clock
+
+_LOG = logging.getLogger(__name__)
+
+_NAP_S = 0.003
+_BURST = 48
+_BURST_PAUSE_S = 0.0005
+#: Older batches are thrown away: a sensor has no memory to speak of.
+_LIMIT = 20_000
+
+
+@dataclass(slots=True)
+class Timed:
+    """One datagram, its way, and the mission time at which it leaves."""
+
+    due_s: float
+    data: bytes | memoryview
+    sock: socket.socket
+    to: tuple[str, int]
+
+
+class PacedSender:
+    """A queue of datagrams in order of time, and the thread that sends them.
+
+    What is due already leaves at once, but never more than a few dozen datagrams on end: a host
+    with the kernel's ordinary receive buffer would lose some of them.
+    """
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._queue: deque[Timed] = deque()
+        self._stop = threading.Event()
+        self._lock = threading.Lock()
+        self._thread = threading.Thread(target=self._run, name="mid360-sender", daemon=True)
+        self.sent = 0
+        self.thrown_away = 0
+
+    def start(self) -> None:
+        """Begin to send."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop; what is queued is not sent."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def clear(self) -> None:
+        """Forget what is queued."""
+        with self._lock:
+            self._queue.clear()
+
+    def put(self, datagrams: Sequence[Timed]) -> None:
+        """Queue datagrams, in order of time."""
+        with self._lock:
+            self._queue.extend(datagrams)
+            while len(self._queue) > _LIMIT:
+                self._queue.popleft()
+                self.thrown_away += 1
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            burst = self._due()
+            for timed in burst:
+                try:
+                    timed.sock.sendto(timed.data, timed.to)
+                except OSError as error:
+                    # A full buffer or a cable out: lost, as on the wire.
+                    _LOG.debug("LiDAR packet not sent: %s", error)
+                else:
+                    self.sent += 1
+            self._stop.wait(_BURST_PAUSE_S if len(burst) == _BURST else _NAP_S)
+
+    def _due(self) -> list[Timed]:
+        now_s = self._clock.now_s()
+        burst: list[Timed] = []
+        with self._lock:
+            queue = self._queue
+            while queue and len(burst) < _BURST and queue[0].due_s <= now_s:
+                burst.append(queue.popleft())
+        return burst
