@@ -1,0 +1,226 @@
+"""Centre line of the blade in view and the foot of the perpendicular on it.
+
+Shi et al. 2025, Sec. III-C: a line is fitted by RANSAC to the blade's points (l_P), and the
+inspection point p_f is the foot of the perpendicular from the vehicle on it (Eq. 3). Two things
+differ. The points are taken near the modelled axis and near the vehicle, so that tower, nacelle
+and neighbour blades never join in. And what is seen is the near skin, half a thickness before the
+axis: the line of the surface and the estimate of the axis are both given.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.values import Float
+from perception.voxel_hash import Int64, compiled
+
+#: Points along the blade used each way from the vehicle's foot.
+REACH_M = 6.0
+#: A line is fitted to at most this many points.
+FIT_POINTS = 1500
+HYPOTHESES = 48
+MIN_POINTS = 12
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BladeLine:
+    """The blade where the vehicle flies along it. World metres."""
+
+    foot_w: Float
+    """(3,) p_f: perpendicular foot of the vehicle on the estimated axis."""
+    direction_w: Float
+    """(3,) unit, root to tip: v of l_P."""
+    distance_m: float
+    """From the vehicle to `foot_w`."""
+    surface_distance_m: float
+    """From the vehicle to the near skin beside the foot."""
+    residual_m: float
+    """Root mean square of the points' distance from the fitted surface line."""
+    points: int
+    """Points of the blade used."""
+    metre_m: float
+    """Of the foot, along the modelled axis from its root."""
+    offset_w: Float
+    """(3,) estimated axis minus modelled axis at the foot, perpendicular to the model."""
+    angle_rad: float
+    """Between the fitted and the modelled direction."""
+    tip_m: float | None
+    """Metre at which the blade ends, where that was in view."""
+    width_m: float
+    """Lateral extent of the points at the foot, as the vehicle sees it."""
+
+
+def fit_blade_line(
+    points_w: Float,
+    origin_w: Float,
+    root_w: Float,
+    tip_w: Float,
+    half_width_m: float,
+    *,
+    half_thickness_m: float = 0.0,
+    inlier_m: float = 0.35,
+) -> BladeLine | None:
+    """Return the line of the blade beside the vehicle, None where too little of it is seen.
+
+    ``points_w``: (N, 3) world metres of the last scans; ``origin_w``: (3,) the vehicle p_d;
+    ``root_w``, ``tip_w``: (3,) ends of the modelled axis; ``half_width_m``: how far from the
+    model points are taken for the blade's (half a chord plus the model's error);
+    ``half_thickness_m``: of the section as seen from here, from the near skin to the axis.
+    """
+    axis = tip_w - root_w
+    length = float(np.linalg.norm(axis))
+    axis = axis / length
+    station = float((origin_w - root_w) @ axis)
+    beside = float(np.clip(station, 0.0, length))
+    foot_model = root_w + beside * axis
+    view = foot_model - origin_w
+    view = view - (view @ axis) * axis
+    reach = float(np.linalg.norm(view))
+    if reach < 1e-3:
+        return None
+    view /= reach
+    side = np.cross(axis, view)
+
+    local = _select(
+        np.ascontiguousarray(points_w, np.float64), root_w, axis, side, view,
+        beside, REACH_M, half_width_m, half_width_m + half_thickness_m,
+    )  # fmt: skip
+    if len(local) < MIN_POINTS:
+        return None
+    line = _line(local, beside, inlier_m)
+    if line is None:
+        return None
+    slope, at_foot, residual_m = line
+    lateral, width = _middle(local, beside, slope[0])
+    if lateral is not None:
+        at_foot = np.array([lateral, at_foot[1]])
+
+    direction = axis + slope[0] * side + slope[1] * view
+    direction /= np.linalg.norm(direction)
+    surface = foot_model + at_foot[0] * side + at_foot[1] * view
+    centre = surface + half_thickness_m * view
+    foot = centre + ((origin_w - centre) @ direction) * direction
+    offset = foot - root_w
+    offset = offset - (offset @ axis) * axis
+    return BladeLine(
+        foot_w=foot,
+        direction_w=direction,
+        distance_m=float(np.linalg.norm(foot - origin_w)),
+        surface_distance_m=float(np.linalg.norm(surface - origin_w)),
+        residual_m=residual_m,
+        points=len(local),
+        metre_m=float((foot - root_w) @ axis),
+        offset_w=offset,
+        angle_rad=math.atan(math.hypot(slope[0], slope[1])),
+        tip_m=_tip(local[:, 0], beside, length),
+        width_m=width,
+    )
+
+
+@compiled
+def _select(
+    points: Float, root: Float, axis: Float, side: Float, view: Float, beside: float,
+    reach: float, half_width: float, half_depth: float,
+) -> Float:  # fmt: skip
+    """Return (M, 3) of the points beside the vehicle: along, aside and deep of the model."""
+    found = np.empty((len(points), 3))
+    count = 0
+    for n in range(len(points)):
+        x, y, z = points[n, 0] - root[0], points[n, 1] - root[1], points[n, 2] - root[2]
+        along = x * axis[0] + y * axis[1] + z * axis[2]
+        if not (abs(along - beside) <= reach):
+            continue
+        aside = x * side[0] + y * side[1] + z * side[2]
+        deep = x * view[0] + y * view[1] + z * view[2]
+        if abs(aside) <= half_width and abs(deep) <= half_depth:
+            found[count, 0], found[count, 1], found[count, 2] = along, aside, deep
+            count += 1
+    return found[:count]
+
+
+def _line(local: Float, beside: float, inlier_m: float) -> tuple[Float, Float, float] | None:
+    """Fit aside and deep as lines over along: slopes (2,), values at the foot (2,), residual.
+
+    RANSAC picks the line with the most points of the near skin, least squares refines it. A
+    nearly square patch (little length in view) keeps the model's direction.
+    """
+    step = max(len(local) // FIT_POINTS, 1)
+    some = local[::step]
+    along, across = some[:, 0] - beside, some[:, 1:]
+    rng = np.random.default_rng(len(local))
+    pairs = rng.integers(0, len(some), (2, HYPOTHESES))
+    slope, start, inlier = _ransac(along, np.ascontiguousarray(across), pairs, inlier_m)
+    if int(inlier.sum()) < MIN_POINTS:
+        return None
+    spread = float(along[inlier].max() - along[inlier].min())
+    width = float(np.ptp(across[inlier, 0]))
+    if spread > max(2.0, 1.2 * width):
+        for _ in range(2):
+            rows = np.stack([along[inlier], np.ones(int(inlier.sum()))], axis=1)
+            # Leaning from the model by 0.1 is as unlikely as a point 0.5 m off.
+            weight = rows.T @ rows + np.diag([25.0, 0.0])
+            solved = np.linalg.solve(weight, rows.T @ across[inlier])
+            slope, start = solved[0], solved[1]
+            off = across - start - along[:, None] * slope
+            inlier = np.abs(off[:, 1]) < inlier_m
+            if int(inlier.sum()) < MIN_POINTS:
+                return None
+    else:
+        slope, start = np.zeros(2), np.median(across[inlier], axis=0)
+        off = across - start
+    # Depth is what the fit is judged by: aside, the chord itself spreads the points.
+    residual = float(np.sqrt(np.mean(off[inlier, 1] ** 2)))
+    return slope, start, residual
+
+
+@compiled
+def _ransac(
+    along: Float, across: Float, pairs: Int64, inlier_m: float
+) -> tuple[Float, Float, NDArray[np.bool_]]:
+    best = -1
+    slope = np.zeros(2)
+    start = np.zeros(2)
+    for h in range(pairs.shape[1]):
+        i, j = pairs[0, h], pairs[1, h]
+        gap = along[j] - along[i]
+        if abs(gap) < 1.0:
+            continue
+        deep_slope = (across[j, 1] - across[i, 1]) / gap
+        if abs(deep_slope) > 0.25:
+            continue
+        deep_start = across[i, 1] - deep_slope * along[i]
+        count = 0
+        for n in range(len(along)):
+            if abs(across[n, 1] - deep_start - deep_slope * along[n]) < inlier_m:
+                count += 1
+        if count > best:
+            best = count
+            slope[1] = deep_slope
+            start[1] = deep_start
+    if best < 0:
+        start[1] = np.median(across[:, 1])
+    inlier = np.abs(across[:, 1] - start[1] - slope[1] * along) < inlier_m
+    return slope, start, inlier
+
+
+def _middle(local: Float, beside: float, slope: float) -> tuple[float | None, float]:
+    """Return the middle of the lateral extent beside the vehicle, and its width."""
+    aside = local[:, 1] - slope * (local[:, 0] - beside)
+    near = np.abs(local[:, 0] - beside) < 2.0
+    if int(near.sum()) < MIN_POINTS:
+        near = np.ones(len(local), bool)
+    low, high = np.quantile(aside[near], (0.03, 0.97))
+    return float(low + high) / 2, float(high - low)
+
+
+def _tip(along: Float, beside: float, length: float) -> float | None:
+    """Return where the points end, if they end before the window does and near the model's tip."""
+    last = float(np.quantile(along, 0.99))
+    window_end = beside + REACH_M
+    if last > window_end - 1.0 or abs(last - length) > 4.0:
+        return None
+    return last

@@ -1,0 +1,116 @@
+import time
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from perception.blade_line import fit_blade_line
+
+ROOT = np.array([2.0, 5.0, 60.0])
+
+
+def blade(direction, view, *, length=40.0, chord=2.0, thickness=0.5, shift=(0.0, 0.0), count=3000,
+          seed=0, noise=0.02):  # fmt: skip
+    """Points of an elliptic blade's near half, the axis shifted (aside, deep) from the model."""
+    rng = np.random.default_rng(seed)
+    along = rng.uniform(0, length, count)
+    angle = rng.uniform(-np.pi / 2, np.pi / 2, count)
+    side = np.cross(direction, view)
+    aside = 0.5 * chord * np.sin(angle) + shift[0]
+    deep = -0.5 * thickness * np.cos(angle) + shift[1]
+    points = ROOT + along[:, None] * direction + aside[:, None] * side + deep[:, None] * view
+    return points + rng.normal(0, noise, points.shape)
+
+
+def frame(polar, azimuth):
+    direction = np.array(
+        [np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)]
+    )
+    view = np.cross(direction, [0.3, 0.9, -0.2])
+    return direction, view / np.linalg.norm(view)
+
+
+def fit(points, vehicle, direction, *, length=40.0, half_thickness=0.25):
+    return fit_blade_line(
+        points, vehicle, ROOT, ROOT + length * direction, 2.0, half_thickness_m=half_thickness
+    )
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    polar=st.floats(0.1, 3.0),
+    azimuth=st.floats(-3.1, 3.1),
+    station=st.floats(3, 37),
+    reach=st.floats(8, 20),
+    aside=st.floats(-0.6, 0.6),
+    deep=st.floats(-0.6, 0.6),
+)
+def test_the_foot_is_the_perpendicular_of_the_true_axis(
+    polar, azimuth, station, reach, aside, deep
+):
+    direction, view = frame(polar, azimuth)
+    assume(np.linalg.norm(np.cross(direction, [0.3, 0.9, -0.2])) > 0.2)
+    vehicle = ROOT + station * direction - reach * view
+    line = fit(blade(direction, view, shift=(aside, deep)), vehicle, direction)
+    side = np.cross(direction, view)
+    foot = ROOT + station * direction + aside * side + deep * view
+    assert line is not None
+    assert np.linalg.norm(line.foot_w - foot) < 0.35
+    assert (vehicle - line.foot_w) @ line.direction_w == pytest.approx(0, abs=1e-6)  # Eq. 3
+    np.testing.assert_allclose(line.offset_w, aside * side + deep * view, atol=0.2)
+    assert line.metre_m == pytest.approx(station, abs=0.3)
+    assert line.angle_rad < 0.05
+
+
+def test_the_near_skin_is_nearer_than_the_axis():
+    direction, view = frame(1.2, 0.3)
+    vehicle = ROOT + 20 * direction - 12 * view
+    line = fit(blade(direction, view, thickness=1.0), vehicle, direction, half_thickness=0.5)
+    assert line.distance_m == pytest.approx(12.0, abs=0.25)
+    assert 0.3 < line.distance_m - line.surface_distance_m < 0.7
+
+
+def test_outliers_of_tower_and_neighbour_do_not_move_the_line():
+    direction, view = frame(1.2, 0.3)
+    vehicle = ROOT + 20 * direction - 12 * view
+    rng = np.random.default_rng(1)
+    near = ROOT + rng.uniform(14, 26, (60, 1)) * direction + rng.uniform(-1.9, 1.9, (60, 3))
+    far = rng.normal(0, 20, (5000, 3)) + ROOT + 25 * view
+    line = fit(np.concatenate([blade(direction, view), near, far]), vehicle, direction)
+    assert np.linalg.norm(line.foot_w - (ROOT + 20 * direction)) < 0.3
+
+
+def test_a_tip_in_view_is_measured_and_one_out_of_view_is_not_claimed():
+    direction, view = frame(1.2, 0.3)
+    points = blade(direction, view, length=39.0)
+    at_tip = fit(points, ROOT + 37 * direction - 12 * view, direction)
+    assert at_tip.tip_m == pytest.approx(39.0, abs=0.4)
+    assert fit(points, ROOT + 20 * direction - 12 * view, direction).tip_m is None
+
+
+def test_an_edge_with_few_returns_still_holds_the_distance():
+    direction, view = frame(1.2, 0.3)
+    points = blade(direction, view, chord=0.05, thickness=0.01, count=120)
+    line = fit(points, ROOT + 20 * direction - 12 * view, direction, half_thickness=0.0)
+    assert line.distance_m == pytest.approx(12.0, abs=0.15)
+
+
+def test_beyond_the_tip_or_without_points_there_is_no_line():
+    direction, view = frame(1.2, 0.3)
+    vehicle = ROOT + 20 * direction - 12 * view
+    assert fit(np.empty((0, 3)), vehicle, direction) is None
+    assert fit(np.full((50, 3), np.nan), vehicle, direction) is None
+    assert fit(blade(direction, view, length=5.0), vehicle, direction) is None
+    assert fit(blade(direction, view), ROOT + 20 * direction, direction) is None
+
+
+def test_twenty_thousand_points_are_fitted_fast():
+    direction, view = frame(1.2, 0.3)
+    points = blade(direction, view, count=20_000)
+    vehicle = ROOT + 20 * direction - 12 * view
+    fit(points, vehicle, direction)
+    start = time.perf_counter()
+    for _ in range(5):
+        fit(points, vehicle, direction)
+    assert (time.perf_counter() - start) / 5 < 0.03
