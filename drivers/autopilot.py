@@ -47,6 +47,8 @@ _MODES: dict[str, tuple[float, ...]] = {
 }
 
 _WARNING = 4
+#: The autopilot's reason follows its refusal.
+_REASON_S = 0.1
 _HEARTBEAT = 0
 _CURRENT_MODE = 436
 _MODE_RATE_HZ = 10.0
@@ -160,6 +162,7 @@ class AutopilotLink:
             else:
                 raise ValueError(f"unknown action {action!r}")
         except Refused as error:
+            await asyncio.sleep(_REASON_S)
             words = [
                 t.text for t in self._state.texts() if t.stamp_s >= started and t.severity <= 4
             ]

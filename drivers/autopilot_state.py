@@ -22,6 +22,7 @@ _MAIN_AUTO, _MAIN_OFFBOARD = 4, 6
 #: A step of the local position that its own velocity does not explain is a reset of the frame.
 _RESET_STEP_M = 0.8
 _RESET_INTERVAL_S = 0.5
+_SAME_RESET_S = 1.0
 
 
 class VehicleMode(StrEnum):
@@ -145,6 +146,7 @@ class VehicleState:
         self._gps: tuple[int, float | None, int | None] | None = None
         self._resets = 0
         self._odometry_reset: int | None = None
+        self._stepped_s = _NEVER
         self._texts: tuple[StatusText, ...] = ()
         self._takers = {
             "HEARTBEAT": self._take_heartbeat,
@@ -248,7 +250,7 @@ class VehicleState:
             return
         position_w, velocity_w = swap_enu_ned(north_up), swap_enu_ned(moving)
         stamp_s, boot_s = self._boot_stamp(message)
-        if self._position is not None and self._odometry_reset is None:
+        if self._position is not None:
             self._watch_for_step(boot_s, position_w, velocity_w)
         self._position = (stamp_s, boot_s, position_w, velocity_w)
 
@@ -268,6 +270,7 @@ class VehicleState:
         ]
         if math.hypot(*unexplained) > _RESET_STEP_M:
             self._resets += 1
+            self._stepped_s = self._clock.now_s()
 
     def _take_attitude(self, message: Received) -> None:
         quaternion = (
@@ -334,8 +337,10 @@ class VehicleState:
 
     def _take_odometry(self, message: Received) -> None:
         count = message.integer("reset_counter")
-        if self._odometry_reset is not None and count != self._odometry_reset:
-            self._resets += (count - self._odometry_reset) % 256
+        changed = self._odometry_reset is not None and count != self._odometry_reset
+        # A reset that was seen as a step already is not counted twice.
+        if changed and self._clock.now_s() - self._stepped_s > _SAME_RESET_S:
+            self._resets += 1
         self._odometry_reset = count
 
     def _take_text(self, message: Received) -> None:

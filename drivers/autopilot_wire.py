@@ -32,6 +32,9 @@ _native_log = logging.getLogger("mavsdk")
 
 _Result = TypeVar("_Result")
 
+OWN_SYSTEM = 1
+"""Our system id: an onboard computer shares the vehicle's."""
+
 OWN_COMPONENT = 191
 """MAV_COMP_ID_ONBOARD_COMPUTER"""
 
@@ -142,7 +145,7 @@ class Wire:
         for url in urls:
             check_url(url)
         log_subscribe(_take_log)
-        mavsdk = Mavsdk(Configuration.create_manual(1, OWN_COMPONENT, True))
+        mavsdk = Mavsdk(Configuration.create_manual(OWN_SYSTEM, OWN_COMPONENT, True))
         loop = asyncio.get_running_loop()
         try:
             for url in urls:

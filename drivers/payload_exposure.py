@@ -1,0 +1,138 @@
+"""Exposure of a MAVLink camera through its extended parameters.
+
+`CAM_EV` is the exposure value; `CAM_EXPMODE` (0 automatic, 1 manual) says whether it is absolute
+or biases an automatic exposure: manual is chosen where the camera has it. A camera without
+`CAM_EV` has no EV control, and says so by None. What the camera applied is read back, because
+cameras clamp and round: the report is theirs, never the wish.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+from collections.abc import Callable
+
+from drivers.autopilot_errors import LinkFailed, Refused
+from drivers.autopilot_parameters import Parameters
+from drivers.autopilot_wire import Wire
+from drivers.clock import Clock
+
+_log = logging.getLogger(__name__)
+
+_EV, _MODE, _SHUTTER = "CAM_EV", "CAM_EXPMODE", "CAM_SHUTTER"
+_MANUAL = 1.0
+_RETRY_S = 2.0
+_SAME_EV = 0.02
+
+
+class ExposureControl:
+    """Applies the newest EV asked for; wishes that were overtaken are never sent.
+
+    ``step_ev``: the steps to snap to, within -3 to +3 unless the camera shows other limits.
+    ``online`` says whether the camera is there to be asked.
+    """
+
+    def __init__(
+        self,
+        wire: Wire,
+        component_id: int,
+        clock: Clock,
+        online: Callable[[], bool],
+        step_ev: float,
+    ) -> None:
+        self._parameters = Parameters(wire, component_id, extended=True)
+        self._clock = clock
+        self._online = online
+        self._wanted: float | None = None
+        self._silences = 0
+        self._wake = asyncio.Event()
+        self.step_ev = step_ev
+        self.min_ev = -3.0
+        self.max_ev = 3.0
+        self.manual = False
+        """EV is absolute; otherwise it biases the camera's own automatic."""
+        self.known = False
+        """The camera was asked for what it has."""
+        self.ev: float | None = None
+        """Applied EV; None where the camera has no EV control (or was not asked yet)."""
+        self.ev_stamp_s = float("-inf")
+        """Mission time at which the camera confirmed it."""
+        self.shutter_s: float | None = None
+        self.refusals = 0
+        """Wishes in a row that the camera refused or changed."""
+
+    def want(self, ev: float) -> None:
+        """Ask for an EV; it is snapped to the camera's steps."""
+        if math.isfinite(ev):
+            self._wanted = self.snap(ev)
+            self._wake.set()
+
+    def snap(self, ev: float) -> float:
+        """Return the nearest EV that the camera has."""
+        nearest = round(ev / self.step_ev) * self.step_ev
+        return max(self.min_ev, min(self.max_ev, nearest))
+
+    async def run(self) -> None:
+        """Learn what the camera has, then apply wishes until cancelled."""
+        while not self.known:
+            try:
+                if self._online():
+                    await self._learn()
+            except LinkFailed as error:
+                _log.debug("exposure: %s", error)
+            if not self.known:
+                await asyncio.sleep(0.2)
+        if self.ev is None:
+            return
+        while True:
+            await self._wake.wait()
+            self._wake.clear()
+            wanted = self._wanted
+            if wanted is None or (self.ev is not None and abs(wanted - self.ev) < _SAME_EV):
+                continue
+            try:
+                await self._apply(wanted)
+            except (Refused, LinkFailed) as error:
+                self.refusals += 1
+                if self.refusals == 1:
+                    _log.warning("exposure: %s", error)
+                await asyncio.sleep(_RETRY_S if self.refusals > 1 else 0.0)
+
+    async def _learn(self) -> None:
+        values = await self._parameters.read((_EV, _MODE, _SHUTTER))
+        if not values:
+            # No answer at all is not yet a camera without control; it is asked again.
+            self._silences += 1
+            self.known = self._silences >= 3
+            return
+        if _MODE in values and values[_MODE] != _MANUAL:
+            try:
+                await self._parameters.set(_MODE, _MANUAL)
+                values[_MODE] = _MANUAL
+            except Refused as error:
+                _log.info("exposure stays automatic, EV biases it: %s", error)
+        self.manual = values.get(_MODE) == _MANUAL
+        self.ev = values.get(_EV)
+        self.shutter_s = values.get(_SHUTTER)
+        self.ev_stamp_s = self._clock.now_s()
+        self.known = True
+
+    async def _apply(self, wanted: float) -> None:
+        await self._parameters.set(_EV, wanted)
+        confirmed_s = self._clock.now_s()
+        applied = (await self._parameters.read((_EV,))).get(_EV)
+        if applied is None:
+            raise Refused(f"EV {wanted:+.2f} was acknowledged but cannot be read back")
+        self.ev, self.ev_stamp_s = applied, confirmed_s
+        if abs(applied - wanted) < _SAME_EV:
+            self.refusals = 0
+            return
+        self.refusals += 1
+        if self.refusals == 1:
+            _log.warning("exposure: the camera applied EV %+.2f for %+.2f", applied, wanted)
+        # A camera that clamps has shown its limit.
+        if applied < wanted and applied > self.min_ev and wanted == self.max_ev:
+            self.max_ev = applied
+        elif applied > wanted and applied < self.max_ev and wanted == self.min_ev:
+            self.min_ev = applied

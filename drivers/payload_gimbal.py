@@ -1,0 +1,201 @@
+"""A MAVLink gimbal (protocol v2), aimed by absolute ENU angles.
+
+The gimbal manager is found by its information message, on the autopilot (PX4) or on the payload
+itself. Aims are unacknowledged messages, so that they can leave from the tick; control is taken
+by command, and taken again when it is lost to nobody.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import logging
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from config.sensors import Gimbal
+from drivers.autopilot_errors import LinkFailed, Refused
+from drivers.autopilot_wire import OWN_COMPONENT, OWN_SYSTEM, Received, Wire
+from drivers.clock import Clock
+from drivers.frames import pitch_up_of, swap_attitude, swap_yaw, yaw_of
+from drivers.stamps import MinimumOffset
+from perception.geometry import wrap_angle
+
+_log = logging.getLogger(__name__)
+
+_MANAGER_INFORMATION, _MANAGER_STATUS, _DEVICE_ATTITUDE = 280, 281, 285
+_SET_MESSAGE_INTERVAL, _REQUEST_MESSAGE, _CONFIGURE = 511, 512, 1001
+_LOCK_ROLL_PITCH_YAW = 4 | 8 | 16
+_YAW_LOCK, _YAW_IN_VEHICLE_FRAME, _YAW_IN_EARTH_FRAME = 16, 32, 64
+_ATTITUDE_RATE_HZ = 30.0
+_UNCHANGED = -1.0
+
+
+@dataclass(frozen=True, slots=True)
+class GimbalReading:
+    """Where the gimbal looks; the field names are those of the mission's `GimbalState`."""
+
+    stamp_s: float
+    """By the gimbal's own time stamp."""
+    yaw_rad: float
+    """ENU, absolute."""
+    pitch_rad: float
+    """Positive up."""
+    in_control: bool = False
+    """The gimbal manager says that we are its primary control."""
+
+
+class GimbalLink:
+    """One gimbal device and its manager.
+
+    ``vehicle_yaw``: the vehicle's present ENU yaw, for gimbals that report relative to the nose.
+    """
+
+    def __init__(
+        self,
+        wire: Wire,
+        settings: Gimbal,
+        clock: Clock,
+        vehicle_yaw: Callable[[], float | None],
+    ) -> None:
+        self._wire = wire
+        self._settings = settings
+        self._clock = clock
+        self._vehicle_yaw = vehicle_yaw
+        self._manager: int | None = None
+        self._device = settings.component_id
+        self._in_control = False
+        self._reading: GimbalReading | None = None
+        self._stamps = MinimumOffset(window_s=5.0)
+        wire.listen("GIMBAL_MANAGER_INFORMATION", self._take_information)
+        wire.listen("GIMBAL_MANAGER_STATUS", self._take_status)
+        wire.listen("GIMBAL_DEVICE_ATTITUDE_STATUS", self._take_attitude, settings.component_id)
+
+    @property
+    def ready(self) -> bool:
+        """A gimbal manager was found."""
+        return self._manager is not None
+
+    def reading(self) -> GimbalReading | None:
+        """Return the newest attitude; None before the first."""
+        if self._reading is None:
+            return None
+        return replace(self._reading, in_control=self._in_control)
+
+    def aim(self, yaw_rad: float, pitch_rad: float) -> bool:
+        """Point the optical axis to ENU yaw and pitch, now, on this thread.
+
+        Returns False where no gimbal was found yet. Pitch is kept within the configured limits.
+        """
+        if self._manager is None:
+            return False
+        if not (math.isfinite(yaw_rad) and math.isfinite(pitch_rad)):
+            raise ValueError(f"gimbal aim not finite: {yaw_rad} {pitch_rad}")
+        low = math.radians(self._settings.min_pitch_deg)
+        high = math.radians(self._settings.max_pitch_deg)
+        fields = {
+            "target_system": self._wire.system_id,
+            "target_component": self._manager,
+            "flags": _LOCK_ROLL_PITCH_YAW,
+            "gimbal_device_id": self._device,
+            "pitch": max(low, min(high, pitch_rad)),
+            "yaw": swap_yaw(yaw_rad),
+            "pitch_rate": None,
+            "yaw_rate": None,
+        }
+        self._wire.send("GIMBAL_MANAGER_SET_PITCHYAW", json.dumps(fields), self._manager)
+        return True
+
+    async def run(self) -> None:
+        """Find the manager, take control, and keep both."""
+        asked_rate = False
+        while True:
+            try:
+                if self._manager is None:
+                    await self._look_for_manager()
+                elif not self._in_control:
+                    await self._take_control(self._manager)
+                if self._manager is not None and not asked_rate:
+                    asked_rate = True
+                    await self._ask(self._settings.component_id, _DEVICE_ATTITUDE)
+            except (Refused, LinkFailed) as error:
+                _log.debug("gimbal: %s", error)
+            await asyncio.sleep(0.1 if self._manager is None else 1.0)
+
+    async def _look_for_manager(self) -> None:
+        for component in (self._settings.component_id, 1):
+            with contextlib.suppress(Refused):
+                await self._wire.command(
+                    "gimbal manager information",
+                    _REQUEST_MESSAGE,
+                    (float(_MANAGER_INFORMATION),),
+                    component,
+                    tries=1,
+                )
+            await asyncio.sleep(0.05)
+            if self._manager is not None:
+                return
+
+    async def _take_control(self, manager: int) -> None:
+        await self._wire.command(
+            "gimbal control",
+            _CONFIGURE,
+            (
+                float(OWN_SYSTEM),
+                float(OWN_COMPONENT),
+                _UNCHANGED,
+                _UNCHANGED,
+                None,
+                None,
+                float(self._device),
+            ),
+            manager,
+        )
+        self._in_control = True
+
+    async def _ask(self, component: int, message: int) -> None:
+        await self._wire.command(
+            f"message {message}",
+            _SET_MESSAGE_INTERVAL,
+            (float(message), 1e6 / _ATTITUDE_RATE_HZ),
+            component,
+        )
+
+    def _take_information(self, message: Received) -> None:
+        device = message.integer("gimbal_device_id")
+        # 1 to 6: a gimbal without MAVLink behind the manager; otherwise the device's component.
+        if device in (0, self._settings.component_id) or 1 <= device <= 6:
+            self._device = device
+            self._manager = message.component_id
+
+    def _take_status(self, message: Received) -> None:
+        if message.component_id != self._manager:
+            return
+        self._in_control = (
+            message.integer("primary_control_sysid") == OWN_SYSTEM
+            and message.integer("primary_control_compid") == OWN_COMPONENT
+        )
+
+    def _take_attitude(self, message: Received) -> None:
+        q = message.numbers("q")
+        if len(q) != 4 or not 0.9 < math.hypot(*q) < 1.1:
+            return
+        flags = message.integer("flags")
+        attitude = swap_attitude((q[0], q[1], q[2], q[3]))
+        yaw_rad = yaw_of(attitude)
+        absolute = flags & _YAW_IN_EARTH_FRAME or (
+            flags & _YAW_LOCK and not flags & _YAW_IN_VEHICLE_FRAME
+        )
+        if not absolute:
+            vehicle_yaw_rad = self._vehicle_yaw()
+            if vehicle_yaw_rad is None:
+                return
+            # Relative to the nose, in the manner of a heading; north of that frame is the nose.
+            yaw_rad = wrap_angle(yaw_rad - math.pi / 2 + vehicle_yaw_rad)
+        stamp_s = self._stamps.map(
+            message.number("time_boot_ms") * 1e-3,
+            self._clock.mission_time_of(message.arrival_ns),
+        )
+        self._reading = GimbalReading(stamp_s, yaw_rad, pitch_up_of(attitude))
