@@ -1,0 +1,54 @@
+"""The pack: energy drawn by hover, airspeed and climb, and the voltage that an autopilot reports."""
+
+from __future__ import annotations
+
+from config.airframe import Battery
+
+_CELLS = 6
+_FULL_V, _EMPTY_V = 4.15, 3.50
+#: Computer, sensors and autopilot.
+_IDLE_W = 25.0
+
+
+class Pack:
+    """State of charge over the flight."""
+
+    def __init__(self, battery: Battery, charge: float = 1.0) -> None:
+        self._battery = battery
+        self.charge = charge
+        """0-1"""
+        self.power_w = _IDLE_W
+        self.used_wh = 0.0
+        self.present = True
+
+    def step(self, dt_s: float, *, flying: bool, airspeed_mps: float, climb_mps: float) -> None:
+        """Draw ``dt_s`` worth of energy."""
+        law = self._battery
+        self.power_w = _IDLE_W
+        if flying:
+            self.power_w += law.hover_w + law.drag_w_per_mps3 * airspeed_mps**3
+            self.power_w += law.climb_w_per_mps * max(climb_mps, 0.0)
+        used_wh = self.power_w * dt_s / 3600.0
+        self.used_wh += used_wh
+        self.charge = max(self.charge - used_wh / law.capacity_wh, 0.0)
+
+    @property
+    def cell_v(self) -> float:
+        """Voltage of one cell under load."""
+        sag = 0.08 * self.power_w / max(self._battery.hover_w, 1.0)
+        return _EMPTY_V + (_FULL_V - _EMPTY_V) * self.charge - sag
+
+    @property
+    def pack_v(self) -> float:
+        """Voltage of the pack."""
+        return _CELLS * self.cell_v
+
+    @property
+    def current_a(self) -> float:
+        """Current drawn."""
+        return self.power_w / max(self.pack_v, 1.0)
+
+    @property
+    def cells(self) -> int:
+        """Cells in series."""
+        return _CELLS
