@@ -1,4 +1,4 @@
-"""The aircraft of the simulated world: body, estimator, commander, controller and pack, in one step.
+"""The simulated aircraft: body, estimator, commander, controller and pack, in one step.
 
 It flies by what it believes (the estimate) and moves as physics has it (the truth). Positions
 with ``_w`` are world ENU (origin at the tower's base); ``_l`` are local ENU, whose origin is home.

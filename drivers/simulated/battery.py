@@ -1,4 +1,4 @@
-"""The pack: energy drawn by hover, airspeed and climb, and the voltage that an autopilot reports."""
+"""The pack: energy drawn by hover, airspeed and climb, and the voltage that is reported."""
 
 from __future__ import annotations
 

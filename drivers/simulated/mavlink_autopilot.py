@@ -10,12 +10,10 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from pymavlink.dialects.v20 import development as mavlink
-
 from drivers.simulated.guidance import Guidance
 from drivers.simulated.mavlink_services import FenceStore, refuse_file_transfer
 from drivers.simulated.mavlink_streams import BUILDERS, Streams, Telemetry
-from drivers.simulated.mavlink_wire import MavlinkLink, Message, Received
+from drivers.simulated.mavlink_wire import MavlinkLink, Message, Received, made
 from drivers.simulated.ned import swapped, turned
 from drivers.simulated.position_control import Target
 from drivers.simulated.px4_modes import Commander, Mode, Result, mode_from_custom
@@ -131,7 +129,7 @@ class MockAutopilot:
         for message in self._streams.due(t):
             self._send(message)
         for severity, text in self._commander.texts:
-            self._send(mavlink.MAVLink_statustext_message(severity, text.encode()[:50], 0, 0))
+            self._send(made("statustext", severity, text.encode()[:50], 0, 0))
         self._commander.texts.clear()
         for name in self._listing[:8]:
             self._send_parameter(self._parameters.get(name))
@@ -147,9 +145,7 @@ class MockAutopilot:
         action = self._commands.get(command.number)
         result = action(command) if action is not None else Result.UNSUPPORTED
         self._send(
-            mavlink.MAVLink_command_ack_message(
-                command.number, result, 0, 0, command.system, command.component
-            )
+            made("command_ack", command.number, result, 0, 0, command.system, command.component)
         )
 
     def _mode(self, mode: Mode) -> Result:
@@ -190,7 +186,7 @@ class MockAutopilot:
     def _get_interval(self, command: Command) -> Result:
         number = command.whole(0)
         interval_us = self._streams.interval_us(number)
-        self._send(mavlink.MAVLink_message_interval_message(number, interval_us))
+        self._send(made("message_interval", number, interval_us))
         return Result.ACCEPTED
 
     def _set_interval(self, command: Command) -> Result:
@@ -230,13 +226,14 @@ class MockAutopilot:
         if parameter is None:
             return
         self._send(
-            mavlink.MAVLink_param_value_message(
+            made(
+                "param_value",
                 parameter.name.encode(),
                 parameter.wire_value(),
                 parameter.kind,
                 len(self._parameters),
                 self._parameters.index_of(parameter.name),
-            )  # fmt: skip
+            )
         )
 
     # small services
@@ -245,18 +242,19 @@ class MockAutopilot:
         if getattr(message, "target_system", 0) != 0:
             return
         self._send(
-            mavlink.MAVLink_ping_message(
+            made(
+                "ping",
                 getattr(message, "time_usec", 0),
                 getattr(message, "seq", 0),
                 message.get_srcSystem(),
                 message.get_srcComponent(),
-            )  # fmt: skip
+            )
         )
 
     def _timesync(self, message: Message) -> None:
         if getattr(message, "tc1", 1) == 0:
             now_ns = int(self._telemetry.now_s * 1e9)
-            self._send(mavlink.MAVLink_timesync_message(now_ns, getattr(message, "ts1", 0)))
+            self._send(made("timesync", now_ns, getattr(message, "ts1", 0)))
 
 
 def target_of(message: Message) -> Target | None:

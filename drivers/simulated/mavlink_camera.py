@@ -11,13 +11,11 @@ import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from pymavlink.dialects.v20 import development as mavlink
-
 from config.settings import Settings
 from drivers.simulated.link import CameraSetting, StillDone, StillRequest
 from drivers.simulated.mavlink_autopilot import Command, command_of
 from drivers.simulated.mavlink_streams import Telemetry
-from drivers.simulated.mavlink_wire import Message
+from drivers.simulated.mavlink_wire import Message, made
 from drivers.simulated.px4_modes import Result
 
 INT32, REAL32 = 6, 9
@@ -136,7 +134,7 @@ class MockCamera:
             return
         if now_s >= self._next_s["heartbeat"]:
             self._next_s["heartbeat"] = now_s + 1.0
-            self._send(mavlink.MAVLink_heartbeat_message(30, 8, 0, 0, 4, 3))
+            self._send(made("heartbeat", 30, 8, 0, 0, 4, 3))
         if now_s >= self._next_s["status"]:
             self._next_s["status"] = now_s + 5.0
             self._request(262, 0)
@@ -188,13 +186,20 @@ class MockCamera:
     def _captured_message(self, still: _Still) -> Message:
         t, done = self._telemetry, still.done
         latitude, longitude, altitude = t.home.geodetic(t.position_l)
-        message: Message = mavlink.MAVLink_camera_image_captured_message(
-            int(still.shutter_s * 1e3), int(still.shutter_s * 1e6), 1, round(latitude * 1e7),
-            round(longitude * 1e7), round(altitude * 1e3), round(t.position_l[2] * 1e3),
-            list(t.ned_q), still.index, 1 if done is not None and done.ok else 0,
+        return made(
+            "camera_image_captured",
+            int(still.shutter_s * 1e3),
+            int(still.shutter_s * 1e6),
+            1,
+            round(latitude * 1e7),
+            round(longitude * 1e7),
+            round(altitude * 1e3),
+            round(t.position_l[2] * 1e3),
+            list(t.ned_q),
+            still.index,
+            1 if done is not None and done.ok else 0,
             (done.url if done is not None else "").encode()[:204],
-        )  # fmt: skip
-        return message
+        )
 
     # commands
 
@@ -205,9 +210,7 @@ class MockCamera:
             return
         result = action(command) if action is not None else Result.UNSUPPORTED
         self._send(
-            mavlink.MAVLink_command_ack_message(
-                command.number, result, 0, 0, command.system, command.component
-            )
+            made("command_ack", command.number, result, 0, 0, command.system, command.component)
         )
 
     def _request(self, number: int, index: int) -> Result:
@@ -236,48 +239,89 @@ class MockCamera:
         vendor, model = list(b"bladescout".ljust(32, b"\0")), list(b"synthetic".ljust(32, b"\0"))
         # Captures images, also while video runs; has modes; has a video stream.
         flags = 0x2 | 0x4 | 0x8 | 0x100
-        message: Message = mavlink.MAVLink_camera_information_message(
-            self._telemetry.ms, vendor, model, 1 << 24, camera.focal_length_mm,
-            camera.sensor_width_mm, camera.sensor_height_mm, camera.width_px, camera.height_px, 0,
-            flags, 0, b"", self._gimbal, 0,
-        )  # fmt: skip
-        return message
+        return made(
+            "camera_information",
+            self._telemetry.ms,
+            vendor,
+            model,
+            1 << 24,
+            camera.focal_length_mm,
+            camera.sensor_width_mm,
+            camera.sensor_height_mm,
+            camera.width_px,
+            camera.height_px,
+            0,
+            flags,
+            0,
+            b"",
+            self._gimbal,
+            0,
+        )
 
     def _settings_message(self) -> Message:
-        message: Message = mavlink.MAVLink_camera_settings_message(
-            self._telemetry.ms, 0, float("nan"), float("nan")
-        )
-        return message
+        return made("camera_settings", self._telemetry.ms, 0, float("nan"), float("nan"))
 
     def _storage(self) -> Message:
-        message: Message = mavlink.MAVLink_storage_information_message(
-            self._telemetry.ms, 1, 1, 2, 128000.0, self._count * 12.0,
-            128000.0 - self._count * 12.0, 90.0, 90.0, 2, b"", 1 | 2,
-        )  # fmt: skip
-        return message
+        return made(
+            "storage_information",
+            self._telemetry.ms,
+            1,
+            1,
+            2,
+            128000.0,
+            self._count * 12.0,
+            128000.0 - self._count * 12.0,
+            90.0,
+            90.0,
+            2,
+            b"",
+            1 | 2,
+        )
 
     def _capture_status(self) -> Message:
-        message: Message = mavlink.MAVLink_camera_capture_status_message(
-            self._telemetry.ms, 1 if self._still is not None else 0, 0, 0.0, 0,
-            128000.0 - self._count * 12.0, self._count,
-        )  # fmt: skip
-        return message
+        return made(
+            "camera_capture_status",
+            self._telemetry.ms,
+            1 if self._still is not None else 0,
+            0,
+            0.0,
+            0,
+            128000.0 - self._count * 12.0,
+            self._count,
+        )
 
     def _stream_information(self) -> Message:
         simulated = self._simulated
-        message: Message = mavlink.MAVLink_video_stream_information_message(
-            1, 1, 0, 1, simulated.stream_fps, simulated.stream_width_px, simulated.stream_height_px,
-            2_000_000, 0, 21, b"live", self._url.encode()[:159], 1,
-        )  # fmt: skip
-        return message
+        return made(
+            "video_stream_information",
+            1,
+            1,
+            0,
+            1,
+            simulated.stream_fps,
+            simulated.stream_width_px,
+            simulated.stream_height_px,
+            2_000_000,
+            0,
+            21,
+            b"live",
+            self._url.encode()[:159],
+            1,
+        )
 
     def _stream_status(self) -> Message:
         simulated = self._simulated
-        message: Message = mavlink.MAVLink_video_stream_status_message(
-            1, 1, simulated.stream_fps, simulated.stream_width_px, simulated.stream_height_px,
-            2_000_000, 0, 21,
-        )  # fmt: skip
-        return message
+        return made(
+            "video_stream_status",
+            1,
+            1,
+            simulated.stream_fps,
+            simulated.stream_width_px,
+            simulated.stream_height_px,
+            2_000_000,
+            0,
+            21,
+        )
 
     # exposure
 
@@ -304,8 +348,13 @@ class MockCamera:
     def _send_parameter(self, parameter: tuple[str, int, float], index: int) -> None:
         name, kind, value = parameter
         self._send(
-            mavlink.MAVLink_param_ext_value_message(
-                name.encode(), _encoded(kind, value), kind, len(self._parameters()), index
+            made(
+                "param_ext_value",
+                name.encode(),
+                _encoded(kind, value),
+                kind,
+                len(self._parameters()),
+                index,
             )
         )
 
@@ -317,8 +366,12 @@ class MockCamera:
         accepted = value is not None and self._set(name, value)
         for known, own_kind, current in self._parameters():
             if known == name:
-                ack = mavlink.MAVLink_param_ext_ack_message(
-                    name.encode(), _encoded(own_kind, current), own_kind, 0 if accepted else 1
+                ack = made(
+                    "param_ext_ack",
+                    name.encode(),
+                    _encoded(own_kind, current),
+                    own_kind,
+                    0 if accepted else 1,
                 )
                 self._send(ack)
 

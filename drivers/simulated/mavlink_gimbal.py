@@ -12,12 +12,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from random import Random
 
-from pymavlink.dialects.v20 import development as mavlink
-
 from config.sensors import Gimbal
 from drivers.simulated.mavlink_autopilot import Command, command_of
 from drivers.simulated.mavlink_streams import Telemetry
-from drivers.simulated.mavlink_wire import Message
+from drivers.simulated.mavlink_wire import Message, made
 from drivers.simulated.ned import euler, product, quaternion_of_euler
 from drivers.simulated.px4_modes import Result
 from drivers.simulated.vehicle import Quaternion
@@ -119,9 +117,7 @@ class MockGimbal:
             self._acknowledge(command_of(message), Result.UNSUPPORTED)
 
     def _acknowledge(self, command: Command, result: Result) -> None:
-        ack = mavlink.MAVLink_command_ack_message(
-            command.number, result, 0, 0, command.system, command.component
-        )
+        ack = made("command_ack", command.number, result, 0, 0, command.system, command.component)
         self._send(ack, self.manager)
 
     # control
@@ -206,7 +202,7 @@ class MockGimbal:
     def _stream(self, now_s: float) -> None:
         if now_s >= self._next_s["heartbeat"]:
             self._next_s["heartbeat"] = now_s + 1.0
-            self._send(mavlink.MAVLink_heartbeat_message(26, 8, 0, 0, 4, 3), self.device)
+            self._send(made("heartbeat", 26, 8, 0, 0, 4, 3), self.device)
         if now_s >= self._next_s["status"]:
             self._next_s["status"] = now_s + 1.0
             self._send(self._manager_status(), self.manager)
@@ -235,28 +231,44 @@ class MockGimbal:
     def _manager_information(self) -> Message:
         # Retract and neutral; pitch and yaw axes; pitch and yaw follow and lock.
         capabilities = 0x1 | 0x2 | 0x20 | 0x40 | 0x80 | 0x100 | 0x200 | 0x400
-        message: Message = mavlink.MAVLink_gimbal_manager_information_message(
-            self._telemetry.ms, capabilities, self.device, *self._ranges()
+        return made(
+            "gimbal_manager_information",
+            self._telemetry.ms,
+            capabilities,
+            self.device,
+            *self._ranges(),
         )
-        return message
 
     def _device_information(self) -> Message:
         name = b"synthetic"
-        message: Message = mavlink.MAVLink_gimbal_device_information_message(
-            self._telemetry.ms, b"bladescout", name, name, 1 << 24, 1 << 24, 1,
-            0x1 | 0x2 | 0x20 | 0x40 | 0x80 | 0x100 | 0x200 | 0x400, 0, *self._ranges(),
-        )  # fmt: skip
-        return message
+        return made(
+            "gimbal_device_information",
+            self._telemetry.ms,
+            b"bladescout",
+            name,
+            name,
+            1 << 24,
+            1 << 24,
+            1,
+            0x1 | 0x2 | 0x20 | 0x40 | 0x80 | 0x100 | 0x200 | 0x400,
+            0,
+            *self._ranges(),
+        )
 
     def _flags(self) -> int:
         yaw = _YAW_LOCK | _EARTH_FRAME if self._aim.locked else _VEHICLE_FRAME
         return 4 | 8 | yaw
 
     def _manager_status(self) -> Message:
-        message: Message = mavlink.MAVLink_gimbal_manager_status_message(
-            self._telemetry.ms, self._flags(), self.device, *self._owner, 0, 0
+        return made(
+            "gimbal_manager_status",
+            self._telemetry.ms,
+            self._flags(),
+            self.device,
+            *self._owner,
+            0,
+            0,
         )
-        return message
 
     def _attitude_status(self) -> Message:
         heading = euler(self._telemetry.ned_q)[2]
@@ -265,8 +277,18 @@ class MockGimbal:
         if self._word == "garbage":
             pitch, yaw = self._random.uniform(-3.1, 3.1), self._random.uniform(-3.1, 3.1)
         q = quaternion_of_euler(0.0, pitch, yaw)
-        message: Message = mavlink.MAVLink_gimbal_device_attitude_status_message(
-            0, 0, self._telemetry.ms, self._flags(), list(q), 0.0, self._pitch_rate,
-            self._yaw_rate, 0, heading, -self._telemetry.rates_b[2], 0,
-        )  # fmt: skip
-        return message
+        return made(
+            "gimbal_device_attitude_status",
+            0,
+            0,
+            self._telemetry.ms,
+            self._flags(),
+            list(q),
+            0.0,
+            self._pitch_rate,
+            self._yaw_rate,
+            0,
+            heading,
+            -self._telemetry.rates_b[2],
+            0,
+        )

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from config.settings import Settings
+from drivers.simulated.link import CameraSetting, StillRequest
 from drivers.simulated.mavlink_autopilot import COMPONENT as AUTOPILOT
 from drivers.simulated.mavlink_camera import CameraPorts, MockCamera
 from drivers.simulated.mavlink_gimbal import MockGimbal
 from drivers.simulated.mavlink_streams import Telemetry
 from drivers.simulated.mavlink_wire import MavlinkLink, Message, Received
-from drivers.simulated.link import CameraSetting, StillRequest
-from collections.abc import Callable
 
 
 class MockPayload:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from pymavlink.dialects.v20 import development as mavlink
-
-from drivers.simulated.mavlink_wire import Message
+from drivers.simulated.mavlink_wire import Message, made
 
 _FENCE = 1
 _ACCEPTED, _UNSUPPORTED, _WRONG_SEQUENCE = 0, 3, 13
@@ -39,10 +37,10 @@ class FenceStore:
             return [self._next(system, component)]
         if name == "MISSION_CLEAR_ALL":
             self._items.pop(kind, None)
-            return [mavlink.MAVLink_mission_ack_message(system, component, _ACCEPTED, kind)]
+            return [made("mission_ack", system, component, _ACCEPTED, kind)]
         if name == "MISSION_REQUEST_LIST":
             count = self.count(kind)
-            return [mavlink.MAVLink_mission_count_message(system, component, count, kind)]
+            return [made("mission_count", system, component, count, kind)]
         if name == "MISSION_REQUEST_INT":
             return [self._stored(system, component, kind, int(getattr(message, "seq", -1)))]
         return []
@@ -50,28 +48,26 @@ class FenceStore:
     def _next(self, system: int, component: int) -> Message:
         have, kind = len(self._arriving), self._kind
         if have < self._expected:
-            request: Message = mavlink.MAVLink_mission_request_int_message(
-                system, component, have, kind
-            )
-            return request
+            return made("mission_request_int", system, component, have, kind)
         self._items[kind] = self._arriving
-        done: Message = mavlink.MAVLink_mission_ack_message(system, component, _ACCEPTED, kind)
-        return done
+        return made("mission_ack", system, component, _ACCEPTED, kind)
 
     def _stored(self, system: int, component: int, kind: int, sequence: int) -> Message:
         items = self._items.get(kind, [])
         if not 0 <= sequence < len(items):
-            refusal: Message = mavlink.MAVLink_mission_ack_message(
-                system, component, _WRONG_SEQUENCE, kind
-            )
-            return refusal
-        names = ("frame", "command", "current", "autocontinue", "param1", "param2", "param3")
+            return made("mission_ack", system, component, _WRONG_SEQUENCE, kind)
+        names: tuple[str, ...] = (
+            "frame",
+            "command",
+            "current",
+            "autocontinue",
+            "param1",
+            "param2",
+            "param3",
+        )
         names += ("param4", "x", "y", "z")
         values = [getattr(items[sequence], name) for name in names]
-        item: Message = mavlink.MAVLink_mission_item_int_message(
-            system, component, sequence, *values, kind
-        )
-        return item
+        return made("mission_item_int", system, component, sequence, *values, kind)
 
 
 def refuse_file_transfer(message: Message) -> Message:
@@ -83,7 +79,6 @@ def refuse_file_transfer(message: Message) -> Message:
     payload[2] = asked[2]
     payload[3], payload[4], payload[5] = _NAK, 1, asked[3]
     payload[12] = _FILE_NOT_FOUND
-    reply: Message = mavlink.MAVLink_file_transfer_protocol_message(
-        0, message.get_srcSystem(), message.get_srcComponent(), payload
+    return made(
+        "file_transfer_protocol", 0, message.get_srcSystem(), message.get_srcComponent(), payload
     )
-    return reply

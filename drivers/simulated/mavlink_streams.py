@@ -10,9 +10,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from pymavlink.dialects.v20 import development as mavlink
-
-from drivers.simulated.mavlink_wire import Message
+from drivers.simulated.mavlink_wire import Message, made
 from drivers.simulated.ned import Home, euler, ned_quaternion, swapped
 from drivers.simulated.vehicle import Quaternion, Vec3
 
@@ -71,7 +69,7 @@ class Telemetry:
 def _heartbeat(t: Telemetry) -> Message:
     base = 0x01 | 0x10 | 0x40 | (0x80 if t.armed else 0)
     status = 5 if t.failsafe else (4 if t.armed else 3)
-    return mavlink.MAVLink_heartbeat_message(2, 12, base, t.custom_mode, status, 3)
+    return made("heartbeat", 2, 12, base, t.custom_mode, status, 3)
 
 
 def _sys_status(t: Telemetry) -> Message:
@@ -83,9 +81,7 @@ def _sys_status(t: Telemetry) -> Message:
     volts = int(t.pack_v * 1e3) if t.battery_present else _UNKNOWN_U16
     amps = int(t.current_a * 100) if t.battery_present else -1
     left = math.ceil(t.charge * 100) if t.battery_present else -1
-    return mavlink.MAVLink_sys_status_message(
-        present, present, health, 300, volts, amps, left, 0, 0, 0, 0, 0, 0
-    )
+    return made("sys_status", present, present, health, 300, volts, amps, left, 0, 0, 0, 0, 0, 0)
 
 
 def _battery_status(t: Telemetry) -> Message | None:
@@ -94,40 +90,63 @@ def _battery_status(t: Telemetry) -> Message | None:
     cell = int(t.pack_v / t.cells * 1e3)
     voltages = [cell if i < t.cells else _UNKNOWN_U16 for i in range(10)]
     used_mah = int(t.used_wh / (t.cells * 3.7) * 1e3)
-    return mavlink.MAVLink_battery_status_message(
-        0, 0, 1, 3000, voltages, int(t.current_a * 100), used_mah, int(t.used_wh * 36),
-        math.ceil(t.charge * 100), 0, 1,
-    )  # fmt: skip
+    return made(
+        "battery_status",
+        0,
+        0,
+        1,
+        3000,
+        voltages,
+        int(t.current_a * 100),
+        used_mah,
+        int(t.used_wh * 36),
+        math.ceil(t.charge * 100),
+        0,
+        1,
+    )
 
 
 def _extended_sys_state(t: Telemetry) -> Message:
-    return mavlink.MAVLink_extended_sys_state_message(0, t.landed_state)
+    return made("extended_sys_state", 0, t.landed_state)
 
 
 def _attitude_quaternion(t: Telemetry) -> Message:
     p, q, r = t.rates_b
-    return mavlink.MAVLink_attitude_quaternion_message(t.ms, *t.ned_q, p, -q, -r)
+    return made("attitude_quaternion", t.ms, *t.ned_q, p, -q, -r)
 
 
 def _attitude(t: Telemetry) -> Message:
     p, q, r = t.rates_b
-    return mavlink.MAVLink_attitude_message(t.ms, *euler(t.ned_q), p, -q, -r)
+    return made("attitude", t.ms, *euler(t.ned_q), p, -q, -r)
 
 
 def _local_position_ned(t: Telemetry) -> Message:
-    return mavlink.MAVLink_local_position_ned_message(
-        t.ms, *swapped(t.position_l), *swapped(t.velocity_l)
-    )
+    return made("local_position_ned", t.ms, *swapped(t.position_l), *swapped(t.velocity_l))
 
 
 def _odometry(t: Telemetry) -> Message:
     p, q, r = t.rates_b
     vx, vy, vz = swapped(t.velocity_l)
     unknown = [_NAN] * 21
-    return mavlink.MAVLink_odometry_message(
-        t.us, 1, 1, *swapped(t.position_l), list(t.ned_q), vx, vy, vz, p, -q, -r, unknown, unknown,
-        t.reset_count % 256, 8, 100,
-    )  # fmt: skip
+    return made(
+        "odometry",
+        t.us,
+        1,
+        1,
+        *swapped(t.position_l),
+        list(t.ned_q),
+        vx,
+        vy,
+        vz,
+        p,
+        -q,
+        -r,
+        unknown,
+        unknown,
+        t.reset_count % 256,
+        8,
+        100,
+    )
 
 
 def _heading_cdeg(t: Telemetry) -> int:
@@ -139,10 +158,18 @@ def _global_position_int(t: Telemetry) -> Message | None:
         return None
     latitude, longitude, altitude = t.home.geodetic(t.position_l)
     vn, ve, vd = swapped(t.velocity_l)
-    return mavlink.MAVLink_global_position_int_message(
-        t.ms, round(latitude * 1e7), round(longitude * 1e7), round(altitude * 1e3),
-        round(t.position_l[2] * 1e3), int(vn * 100), int(ve * 100), int(vd * 100), _heading_cdeg(t),
-    )  # fmt: skip
+    return made(
+        "global_position_int",
+        t.ms,
+        round(latitude * 1e7),
+        round(longitude * 1e7),
+        round(altitude * 1e3),
+        round(t.position_l[2] * 1e3),
+        int(vn * 100),
+        int(ve * 100),
+        int(vd * 100),
+        _heading_cdeg(t),
+    )
 
 
 def _gps_raw_int(t: Telemetry) -> Message:
@@ -150,52 +177,80 @@ def _gps_raw_int(t: Telemetry) -> Message:
     fix = (6 if t.position_sigma_m < 0.5 else 3) if t.position_ok else 0
     vn, ve, _ = swapped(t.velocity_l)
     course = int(math.degrees(math.atan2(ve, vn)) * 100) % 36000
-    return mavlink.MAVLink_gps_raw_int_message(
-        t.us, fix, round(latitude * 1e7), round(longitude * 1e7), round(altitude * 1e3),
-        70 if t.position_ok else _UNKNOWN_U16, 90 if t.position_ok else _UNKNOWN_U16,
-        int(math.hypot(vn, ve) * 100), course, 18 if t.position_ok else 0,
-    )  # fmt: skip
+    return made(
+        "gps_raw_int",
+        t.us,
+        fix,
+        round(latitude * 1e7),
+        round(longitude * 1e7),
+        round(altitude * 1e3),
+        70 if t.position_ok else _UNKNOWN_U16,
+        90 if t.position_ok else _UNKNOWN_U16,
+        int(math.hypot(vn, ve) * 100),
+        course,
+        18 if t.position_ok else 0,
+    )
 
 
 def _home_position(t: Telemetry) -> Message:
     home = t.home
-    return mavlink.MAVLink_home_position_message(
-        round(home.latitude_deg * 1e7), round(home.longitude_deg * 1e7),
-        round(home.altitude_m * 1e3), 0.0, 0.0, 0.0, [1.0, 0.0, 0.0, 0.0], 0.0, 0.0, 0.0, t.us,
-    )  # fmt: skip
+    return made(
+        "home_position",
+        round(home.latitude_deg * 1e7),
+        round(home.longitude_deg * 1e7),
+        round(home.altitude_m * 1e3),
+        0.0,
+        0.0,
+        0.0,
+        [1.0, 0.0, 0.0, 0.0],
+        0.0,
+        0.0,
+        0.0,
+        t.us,
+    )
 
 
 def _wind_cov(t: Telemetry) -> Message:
-    return mavlink.MAVLink_wind_cov_message(
-        t.us, *swapped(t.wind_l), 0.5, 0.5, t.home.altitude_m + t.position_l[2], 0.5, 0.5
+    return made(
+        "wind_cov",
+        t.us,
+        *swapped(t.wind_l),
+        0.5,
+        0.5,
+        t.home.altitude_m + t.position_l[2],
+        0.5,
+        0.5,
     )
 
 
 def _vfr_hud(t: Telemetry) -> Message:
     east, north, up = t.velocity_l
     air = math.hypot(east - t.wind_l[0], north - t.wind_l[1])
-    return mavlink.MAVLink_vfr_hud_message(
-        air, math.hypot(east, north), _heading_cdeg(t) // 100,
-        int(min(t.thrust_share, 1.0) * 100), t.home.altitude_m + t.position_l[2], up,
-    )  # fmt: skip
+    return made(
+        "vfr_hud",
+        air,
+        math.hypot(east, north),
+        _heading_cdeg(t) // 100,
+        int(min(t.thrust_share, 1.0) * 100),
+        t.home.altitude_m + t.position_l[2],
+        up,
+    )
 
 
 def _altitude(t: Telemetry) -> Message:
     height = t.position_l[2]
     amsl = t.home.altitude_m + height
-    return mavlink.MAVLink_altitude_message(t.us, amsl, amsl, height, height, _NAN, _NAN)
+    return made("altitude", t.us, amsl, amsl, height, height, _NAN, _NAN)
 
 
 def _current_mode(t: Telemetry) -> Message:
-    return mavlink.MAVLink_current_mode_message(0, t.custom_mode, t.intended_custom_mode)
+    return made("current_mode", 0, t.custom_mode, t.intended_custom_mode)
 
 
 def _estimator_status(t: Telemetry) -> Message:
     flags = 0x1 | 0x2 | 0x4 | 0x20 | (0x8 | 0x10 if t.position_ok else 0x80)
     sigma = t.position_sigma_m if t.position_ok else 50.0
-    return mavlink.MAVLink_estimator_status_message(
-        t.us, flags, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, sigma, sigma
-    )
+    return made("estimator_status", t.us, flags, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, sigma, sigma)
 
 
 def _autopilot_version(_: Telemetry) -> Message:
@@ -203,8 +258,8 @@ def _autopilot_version(_: Telemetry) -> Message:
     capabilities = 0x2 | 0x4 | 0x8 | 0x80 | 0x2000 | 0x4000 | 0x20000
     version = 1 << 24 | 17 << 16 | 0 << 8 | 255
     nothing = [0] * 8
-    return mavlink.MAVLink_autopilot_version_message(
-        capabilities, version, 0, 0, 0, nothing, nothing, nothing, 0, 0, 1
+    return made(
+        "autopilot_version", capabilities, version, 0, 0, 0, nothing, nothing, nothing, 0, 0, 1
     )
 
 

@@ -7,6 +7,7 @@ taken for a late sender there.
 
 from __future__ import annotations
 
+import contextlib
 import math
 import socket
 import struct
@@ -34,21 +35,23 @@ class Message(Protocol):
         """Return the message's name."""
         ...
 
-    def get_srcSystem(self) -> int:
+    def get_srcSystem(self) -> int:  # noqa: N802 (pymavlink's name)
         """Return the sender's system id."""
         ...
 
-    def get_srcComponent(self) -> int:
+    def get_srcComponent(self) -> int:  # noqa: N802 (pymavlink's name)
         """Return the sender's component id."""
-        ...
-
-    def get_msgId(self) -> int:
-        """Return the message's number."""
         ...
 
     def pack(self, mav: object) -> bytes:
         """Return the frame's bytes, with the packer's sequence and sender."""
         ...
+
+
+def made(name: str, *fields: object) -> Message:
+    """Return the message of a name (lower case) with its fields in pymavlink's order."""
+    message: Message = getattr(mavlink, f"MAVLink_{name}_message")(*fields)
+    return message
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,11 +91,9 @@ class MavlinkLink:
             self._socket.bind(("", 0))
         else:
             self._socket.bind((host, port))
-        try:
+        # Without kernel stamps the time of reading stands in.
+        with contextlib.suppress(OSError):
             self._socket.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
-        except OSError:
-            # Without kernel stamps the time of reading stands in.
-            pass
         self._learns_peer = kind == "udpout"
         self._delay_s = delay_s
         self._random = Random(seed)
@@ -214,7 +215,7 @@ def _arrival_ns(extra: list[tuple[int, int, bytes]]) -> int:
             seconds, nanoseconds = _STAMP.unpack_from(data)
             waited_ns = time.time_ns() - (seconds * 1_000_000_000 + nanoseconds)
             if 0 <= waited_ns < 1_000_000_000:
-                return now_ns - waited_ns
+                return now_ns - int(waited_ns)
     return now_ns
 
 

@@ -195,9 +195,9 @@ class Commander:
         if health.position_ok:
             self._position_s = now_s
         self._judge_landing(now_s)
-        if self.intention is Mode.TAKEOFF and self.armed:
-            if health.height_m > self.takeoff_height_m - 0.3:
-                self.intention = Mode.HOLD
+        climbed = health.height_m > self.takeoff_height_m - 0.3
+        if self.intention is Mode.TAKEOFF and self.armed and climbed:
+            self.intention = Mode.HOLD
         self._resolve(now_s)
 
     def _judge_landing(self, now_s: float) -> None:

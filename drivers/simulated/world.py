@@ -1,4 +1,4 @@
-"""The simulated world in mission time: aircraft, autopilot and payload links, truth for the renderer."""
+"""The simulated world in mission time: aircraft, its MAVLink ends, and truth for the renderer."""
 
 from __future__ import annotations
 
