@@ -24,6 +24,9 @@ _PACKETS_PER_S = 2084
 #: A packet from farther ahead of our own time than this cannot be right.
 _AHEAD_S = 0.5
 _WRAP = 1 << 16
+#: A scan that covers less of its period is thrown away: free space that nobody looked at must not
+#: pass for free.
+_MIN_COVER = 0.4
 
 
 class ScanAssembler:
@@ -112,6 +115,10 @@ class ScanAssembler:
             self._clear()
             return None
         first = headers[0]
+        if sum(header.interval_ns for header in headers) < _MIN_COVER * self._period_ns:
+            self._dropped[Dropped.FRAGMENT] += len(headers)
+            self._clear()
+            return None
         end = HEADER_BYTES + first.points * POINT_BYTES[first.data_type]
         found = decode_points(self._slots[: len(headers), HEADER_BYTES:end], first.data_type)
         newest_ns = max(header.stamp_ns + header.interval_ns for header in headers)

@@ -15,6 +15,7 @@ class Dropped(StrEnum):
     REPEATED = "seen before"
     PAST = "older than the scan before"
     FUTURE = "stamped in the future"
+    FRAGMENT = "too little of a scan"
 
 
 class Link(StrEnum):
