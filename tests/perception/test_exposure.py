@@ -1,0 +1,121 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from config.inspection import Exposure
+from perception.exposure import exposure_control
+from perception.exposure_predictive import PredictiveExposure
+from perception.exposure_step import StepExposure
+
+STEP = 1 / 3
+
+
+def filmic(x):
+    curve = (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14)
+    return 255 * np.clip(curve, 0, 1) ** (1 / 2.2)
+
+
+def film(x):
+    return 255 * (1 - np.exp(-1.6 * x)) ** (1 / 1.8)
+
+
+def gamma(x):
+    return 255 * np.clip(x, 0, 1) ** (1 / 2.2)
+
+
+def control(method="predictive", **limits):
+    return exposure_control(Exposure(method=method), **limits)
+
+
+def fly(controller, light_ev, response, *, latency=1, seed=0):
+    """Grey of every frame: the camera applies each asked EV (in thirds) `latency` frames late."""
+    rng = np.random.default_rng(seed)
+    pending, greys, evs = [0.0] * (latency + 1), [], []
+    for k, light in enumerate(light_ev):
+        ev = pending.pop(0)
+        disc = np.round(response(2.0 ** (light + ev) * rng.lognormal(0, 0.08, 400)))
+        mean, clipped = float(disc.mean()), float((disc >= 253).mean())
+        greys.append(mean)
+        evs.append(ev)
+        pending.append(round(controller.update(mean, clipped, ev, 0.1 * k) / STEP) * STEP)
+    return np.array(greys), np.array(evs)
+
+
+def out_of_range(greys):
+    return (greys < 110) | (greys > 160)
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    jump=st.floats(-4, 4),
+    latency=st.integers(0, 3),
+    response=st.sampled_from([filmic, film, gamma]),
+    seed=st.integers(0, 99),
+)
+def test_after_a_step_of_light_the_blade_is_soon_in_range_and_stays(jump, latency, response, seed):
+    light = np.concatenate([np.full(25, -2.0 - jump / 2), np.full(40, -2.0 + jump / 2)])
+    greys, _ = fly(control(min_ev=-6, max_ev=6), light, response, latency=latency, seed=seed)
+    after = out_of_range(greys[25:])
+    assert after.sum() <= 3 * (latency + 1)
+    assert not after[-20:].any()
+
+
+@pytest.mark.parametrize("latency", [0, 1, 3])
+def test_an_unclipped_step_costs_latency_plus_one_frames_on_a_known_curve(latency):
+    light = np.concatenate([np.full(25, -3.0), np.full(40, -1.0)])
+    greys, _ = fly(control(min_ev=-6, max_ev=6), light[::-1], gamma, latency=latency)
+    assert out_of_range(greys[25:]).sum() <= latency + 1
+
+
+@pytest.mark.parametrize("frames", [30, 60])
+def test_a_ramp_of_light_is_followed_without_leaving_the_range(frames):
+    ramp = np.linspace(-2.5, 0.5, frames)
+    light = np.concatenate([np.full(25, -2.5), ramp, np.full(20, 0.5)])
+    greys, _ = fly(control(min_ev=-6, max_ev=6), light, gamma)
+    assert not out_of_range(greys[15:]).any()
+
+
+def test_under_steady_light_the_exposure_rests():
+    _, evs = fly(control(min_ev=-6, max_ev=6), np.full(80, -1.7), filmic)
+    assert len(set(np.round(evs[20:], 3))) == 1
+
+
+def test_the_curve_is_learned_from_steps_of_ev():
+    controller = PredictiveExposure(Exposure(), min_ev=-6, max_ev=6)
+    rng = np.random.default_rng(1)
+    before = abs(controller.grey_after(filmic(0.1), 1.0) - filmic(0.2))
+    fly(controller, np.repeat(rng.uniform(-3.5, -0.5, 40), 6), filmic)
+    after = abs(controller.grey_after(filmic(0.1), 1.0) - filmic(0.2))
+    assert after < before / 2
+
+
+def test_a_camera_that_cannot_go_on_causes_no_wind_up():
+    controller = control(min_ev=-1, max_ev=1)
+    for k in range(50):
+        assert -1 <= controller.update(255.0, 1.0, -1.0, 0.1 * k) <= 1
+    assert controller.update(60.0, 0.0, -1.0, 5.1) > -1
+
+
+@given(st.floats(), st.floats(), st.floats(), st.floats())
+def test_whatever_is_metered_the_answer_is_within_the_camera_s_limits(grey, clipped, ev, stamp):
+    controller = PredictiveExposure(Exposure())
+    for _ in range(2):
+        assert -3 <= controller.update(grey, clipped, ev, stamp) <= 3
+
+
+def test_the_paper_s_steps_are_as_printed():
+    controller = control("step")
+    assert isinstance(controller, StepExposure)
+    assert controller.update(200.0, 0.0, 0.0, 0.0) == pytest.approx(-STEP)
+    assert controller.update(161.0, 0.0, 0.0, 0.1) == pytest.approx(-2 * STEP)
+    assert controller.update(135.0, 0.0, -STEP, 0.2) == pytest.approx(-2 * STEP)
+    assert controller.update(109.0, 0.0, -STEP, 0.3) == pytest.approx(-STEP)
+
+
+def test_the_paper_s_steps_ring_at_three_frames_of_latency_and_ours_do_not():
+    light = np.concatenate([np.full(25, -3.0), np.full(60, -1.0)])
+    paper, _ = fly(control("step", min_ev=-6, max_ev=6), light, filmic, latency=3)
+    ours, _ = fly(control(min_ev=-6, max_ev=6), light, filmic, latency=3)
+    assert out_of_range(paper[-20:]).any()
+    assert not out_of_range(ours[-20:]).any()
