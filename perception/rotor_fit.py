@@ -36,7 +36,15 @@ MAX_POINTS = 60_000
 MIN_POINTS = 60
 MIN_RANGE_M = 6.0
 """Nearer returns are clutter: the vehicle keeps further away than this."""
+PITCH_SPREAD_RAD = math.radians(1.3)
+"""Blades of one rotor rarely stand further apart; beyond three times this they are let go."""
+APART_COST = 25.0
+APART_RAD = math.radians(20.0)
 PITCH_STARTS_DEG = (-3.0, 12.0, 28.0, 45.0, 62.0, 78.0, 92.0)
+#: Standard deviations of chord, pitch axis, thickness and twist: common to the span, and free along
+#: it. The free ones are the spread of the published blades about the generic one.
+FREE_SHAPE = ((0.07, 0.09), (0.02, 0.03), (0.08, 0.15), (math.radians(1.0), math.radians(2.5)))
+KNOWN_SHAPE = ((0.02, 0.01), (0.015, 0.01), (0.02, 0.03), (math.radians(0.4), math.radians(0.3)))
 PITCH_RANGE_DEG = (-14.0, 112.0)
 DEFAULT_RADIUS_M = 50.0
 HUBER, REJECT = 1.5, 7.0
@@ -185,7 +193,7 @@ def _fit(
 ) -> _State | Refusal:
     radius = table.length_m + table.hub_radius_m
     station = _stations(table)
-    prior_mean, prior_sigma = _prior(published, turbine, radius)
+    prior_mean, prior_info = _prior(published, turbine, radius)
     params = prior_mean.copy()
     hub, normal, angle = coarse.hub_w, coarse.normal_w, coarse.angle_rad
     lines: Float | None = None
@@ -216,10 +224,12 @@ def _fit(
         axes = np.stack(
             [radial @ right, radial @ under, tangential @ right, tangential @ under], axis=1
         )
-        solver = _Solver(data, axes, station, table, sense, prior_mean, prior_sigma)
+        solver = _Solver(data, axes, station, table, sense, prior_mean, prior_info)
         if attempt == 0:
             params = _start_pitches(solver, params, data)
         params = solver.run(params, 12)
+        if attempt == 0:
+            params = _regroup(solver, params)
         jtj, cost, residuals = solver.last(params)
         hub = (
             hub + params[kernel.HX] * right + params[kernel.HY] * under + params[kernel.HZ] * normal
@@ -246,23 +256,32 @@ def _stations(table: SectionTable) -> Float:
     )
 
 
-def _prior(published: bool, turbine: Turbine | None, radius: float) -> tuple[Float, Float]:
-    """Return mean and standard deviation of every parameter."""
+def _prior(
+    published: bool, turbine: Turbine | None, radius: float
+) -> tuple[Float, Float]:
+    """Return the mean (P,) and information matrix (P, P) of the parameters."""
     k = kernel
     mean, sigma = np.zeros(k.PARAMETERS), np.full(k.PARAMETERS, 1e3)
-    mean[[k.PREBEND, k.CHORD, k.AXIS, k.THICK, k.TWIST]] = 1.0
+    mean[k.PREBEND] = 1.0
     mean[k.CONE] = math.radians(turbine.cone_deg if published and turbine else 2.5)
     sigma[k.CONE] = math.radians(0.5 if published else 2.0)
     mean[k.SAG] = 0.0175 * radius * radius / 65.0
     sigma[k.SAG] = 0.35 * mean[k.SAG]
-    loose = not published
-    sigma[k.PREBEND] = 0.6 if loose else 0.05
-    sigma[k.CHORD] = 0.10 if loose else 0.03
-    sigma[k.AXIS] = 0.25 if loose else 0.10
-    sigma[k.THICK] = 0.15 if loose else 0.05
-    sigma[k.TWIST] = 0.20 if loose else 0.02
-    mean[k.PITCH :], sigma[k.PITCH :] = math.radians(45), math.radians(120)
-    return mean, sigma
+    sigma[k.PREBEND] = 0.05 if published else 0.6
+    mean[k.PITCH : k.CHORD], sigma[k.PITCH : k.CHORD] = math.radians(45), math.radians(120)
+    info = np.diag(1.0 / sigma**2)
+    for first, (together, apart) in zip(
+        (k.CHORD, k.AXIS, k.THICK, k.TWIST), KNOWN_SHAPE if published else FREE_SHAPE, strict=True
+    ):
+        gap = np.abs(np.subtract.outer(k.KNOT_SPAN, k.KNOT_SPAN)) / 0.12
+        spread = together**2 + apart**2 * np.exp(-gap) + np.eye(k.KNOTS) * (0.05 * apart) ** 2
+        if first in (k.AXIS, k.THICK):  # the root is a circle on its axis
+            calm = np.ones(k.KNOTS)
+            calm[0] = 0.15
+            spread = spread * np.outer(calm, calm)
+        block = slice(first, first + k.KNOTS)
+        info[block, block] = np.linalg.inv(spread)
+    return mean, info
 
 
 class _Solver:
@@ -276,7 +295,7 @@ class _Solver:
         table: SectionTable,
         sense: float,
         prior_mean: Float,
-        prior_sigma: Float,
+        prior_info: Float,
     ) -> None:
         self._rows = (
             data.blade,
@@ -296,7 +315,7 @@ class _Solver:
             table.hub_radius_m,
             sense,
         )
-        self._mean, self._info = prior_mean, 1.0 / prior_sigma**2
+        self._mean, self._info = prior_mean, prior_info
         self._jtj = np.zeros((kernel.PARAMETERS, kernel.PARAMETERS))
         self._jtr = np.zeros(kernel.PARAMETERS)
         self._residual = np.zeros(len(data.r_m))
@@ -317,7 +336,27 @@ class _Solver:
             self._residual[: len(rows[1])],
         )
         off = params - self._mean
-        return float(value) + float((off * off * self._info).sum())
+        return float(value) + float(off @ self._info @ off) + self._couple(params)
+
+    def _couple(self, params: Float) -> float:
+        """Add what binds the pitches to each other; return its share of the cost."""
+        cost = 0.0
+        info = 1.0 / PITCH_SPREAD_RAD**2
+        for a, b in ((0, 1), (1, 2), (2, 0)):
+            i, j = kernel.PITCH + a, kernel.PITCH + b
+            gap = float(params[i] - params[j])
+            part = gap * gap * info / 3.0
+            if abs(gap) > APART_RAD:
+                cost += APART_COST
+                continue
+            cost += min(part, APART_COST)
+            self._jtj[i, i] += info / 3.0
+            self._jtj[j, j] += info / 3.0
+            self._jtj[i, j] -= info / 3.0
+            self._jtj[j, i] -= info / 3.0
+            self._jtr[i] -= gap * info / 3.0
+            self._jtr[j] += gap * info / 3.0
+        return cost
 
     def run(
         self,
@@ -332,25 +371,25 @@ class _Solver:
         params = params.copy()
         for _ in range(iterations):
             self.cost(params, reject, every)
-            system = self._jtj + np.diag(self._info + stiff + 1e-9)
-            step = np.linalg.solve(system, self._jtr - self._info * (params - self._mean))
+            system = self._jtj + self._info + np.diag(stiff + 1e-9)
+            step = np.linalg.solve(system, self._jtr - self._info @ (params - self._mean))
             limit = np.full(kernel.PARAMETERS, 0.3)
             limit[: kernel.SR] = 1.0
             limit[kernel.SAG] = 1.0
             step = np.clip(step, -limit, limit)
             params += step
-            params[kernel.CHORD] = np.clip(params[kernel.CHORD], 0.6, 1.5)
-            params[kernel.THICK] = np.clip(params[kernel.THICK], 0.5, 1.6)
+            params[kernel.CHORD : kernel.AXIS] = np.clip(params[kernel.CHORD : kernel.AXIS], -0.4, 0.5)
+            params[kernel.THICK : kernel.TWIST] = np.clip(params[kernel.THICK : kernel.TWIST], -0.5, 0.7)
             if (
                 np.abs(step[: kernel.PREBEND]).max() < 1e-4
-                and np.abs(step[kernel.PITCH :]).max() < 2e-3
+                and np.abs(step[kernel.PITCH : kernel.CHORD]).max() < 2e-3
             ):
                 break
         return params
 
     def last(self, params: Float) -> tuple[Float, float, Float]:
         cost = self.cost(params)
-        return self._jtj + np.diag(self._info + 1e-9), cost, self._residual.copy()
+        return self._jtj + self._info + np.eye(kernel.PARAMETERS) * 1e-9, cost, self._residual.copy()
 
 
 def _start_pitches(solver: _Solver, params: Float, data: BladeData) -> Float:
@@ -358,10 +397,11 @@ def _start_pitches(solver: _Solver, params: Float, data: BladeData) -> Float:
     every = max(1, len(data.r_m) // 500)
     held = np.zeros(kernel.PARAMETERS)
     held[kernel.CONE : kernel.PITCH] = 1e8
+    held[kernel.CHORD :] = 1e8
     tries: list[tuple[float, Float]] = []
     for start in PITCH_STARTS_DEG:
         guess = params.copy()
-        guess[kernel.PITCH :] = math.radians(start)
+        guess[kernel.PITCH : kernel.CHORD] = math.radians(start)
         guess = solver.run(guess, 6, held, 12.0, every)
         tries.append((solver.cost(guess, 12.0, every), guess))
     best = min(tries, key=lambda t: t[0])[1]
@@ -374,6 +414,23 @@ def _start_pitches(solver: _Solver, params: Float, data: BladeData) -> Float:
                 guess[kernel.PITCH + b] = math.radians(start)
                 options.append(solver.run(guess, 4, held, 12.0, every))
         best = min(options, key=lambda g: solver.cost(g, 12.0, every))
+    return best
+
+
+def _regroup(solver: _Solver, params: Float) -> Float:
+    """Return the better of the fit and those with one blade's pitch put to the other two's."""
+    best, best_cost = params, solver.cost(params)
+    for b in range(3):
+        others = [kernel.PITCH + (b + 1) % 3, kernel.PITCH + (b + 2) % 3]
+        target = float(params[others].mean())
+        if abs(params[kernel.PITCH + b] - target) < math.radians(8):
+            continue
+        guess = params.copy()
+        guess[kernel.PITCH + b] = target
+        guess = solver.run(guess, 12)
+        cost = solver.cost(guess)
+        if cost < best_cost:
+            best, best_cost = guess, cost
     return best
 
 

@@ -11,11 +11,18 @@ import math
 import numba
 import numpy as np
 
-#: Order of the parameters. Hub shift right, down, along the normal; turn of the plane about down
-#: and right (slope of depth along right, down); stop angle; cone; prebend scale; sag scale; chord
-#: scale; pitch-axis scale; thickness scale; twist scale; pitch of the three blades.
-HX, HY, HZ, SR, SD, ANGLE, CONE, PREBEND, SAG, CHORD, AXIS, THICK, TWIST, PITCH = range(14)
-PARAMETERS = 16
+#: Order of the parameters. Hub shift right, down, along the normal; slope of depth along right and
+#: down (turn of the plane); stop angle; upwind cone; prebend scale; sag at the tip, metres; pitch of
+#: the three blades; then, a value at each knot of the span: chord (relative), pitch axis (share of
+#: the chord), thickness (relative), twist (radians), all as differences from the table.
+HX, HY, HZ, SR, SD, ANGLE, CONE, PREBEND, SAG, PITCH = range(10)
+KNOTS = 7
+CHORD = 12
+AXIS = CHORD + KNOTS
+THICK = AXIS + KNOTS
+TWIST = THICK + KNOTS
+PARAMETERS = TWIST + KNOTS
+KNOT_SPAN = np.array([0.0, 0.06, 0.12, 0.19, 0.28, 0.45, 1.0])
 
 
 @numba.njit(cache=True, fastmath=True)
@@ -48,7 +55,7 @@ def normal_equations(  # type: ignore[no-untyped-def]  # compiled; called from r
     out_jtr[:] = 0.0
     cost = 0.0
     stations, vertices = x.shape
-    g = np.zeros((2, PARAMETERS))
+    index = np.zeros(PARAMETERS, np.int64)
     q = np.zeros((vertices, 2))
     row = np.zeros(PARAMETERS)
     for m in range(len(r)):
@@ -64,9 +71,17 @@ def normal_equations(  # type: ignore[no-untyped-def]  # compiled; called from r
         p0 = station[i, 3] * (1 - f) + station[i + 1, 3] * f
         s0 = station[i, 4] * (1 - f) + station[i + 1, 4] * f
         pitch = params[PITCH + b]
-        chord = c0 * params[CHORD]
-        xa = 0.5 - params[AXIS] * (0.5 - x0)
-        phi = pitch + params[TWIST] * t0
+        share = position / (stations - 1)
+        knot = 0
+        while knot < KNOTS - 2 and share > KNOT_SPAN[knot + 1]:
+            knot += 1
+        h2 = (share - KNOT_SPAN[knot]) / (KNOT_SPAN[knot + 1] - KNOT_SPAN[knot])
+        h1 = 1.0 - h2
+        scale = 1.0 + h1 * params[CHORD + knot] + h2 * params[CHORD + knot + 1]
+        chord = c0 * scale
+        xa = x0 + h1 * params[AXIS + knot] + h2 * params[AXIS + knot + 1]
+        fat = 1.0 + h1 * params[THICK + knot] + h2 * params[THICK + knot + 1]
+        phi = pitch + t0 + h1 * params[TWIST + knot] + h2 * params[TWIST + knot + 1]
         sp, cp = math.sin(pitch), math.cos(pitch)
         s, c = math.sin(phi), math.cos(phi)
         le_v, le_w = -sense * c, -s
@@ -92,7 +107,7 @@ def normal_equations(  # type: ignore[no-untyped-def]  # compiled; called from r
         )
         for k in range(vertices):
             along = (xa - x[near, k]) * chord
-            up = -y[near, k] * chord * params[THICK]
+            up = -y[near, k] * chord * fat
             q[k, 0] = ax_v + along * le_v + up * ps_v
             q[k, 1] = ax_w + along * le_w + up * ps_w
         # The nearest visible piece.
@@ -139,7 +154,7 @@ def normal_equations(  # type: ignore[no-untyped-def]  # compiled; called from r
         out_residual[m] = residual
         sx = x[near, k] * (1 - best_f) + x[near, k2] * best_f
         sy = y[near, k] * (1 - best_f) + y[near, k2] * best_f
-        along, up = (xa - sx) * chord, -sy * chord * params[THICK]
+        along, up = (xa - sx) * chord, -sy * chord * fat
         turned_v = along * sense * s + up * sense * c
         turned_w = -along * c + up * s
         row[:] = 0.0
@@ -148,12 +163,16 @@ def normal_equations(  # type: ignore[no-untyped-def]  # compiled; called from r
         row[ANGLE], row[CONE] = n_v * r[m], -n_w * r[m]
         row[PREBEND] = p0 * (sense * sp * n_v - cp * n_w)
         row[SAG] = bend_v * n_v + bend_w * n_w
-        row[CHORD] = (n_v * (along * le_v + up * ps_v) + n_w * (along * le_w + up * ps_w)) / params[
-            CHORD
-        ]
-        row[AXIS] = -(0.5 - x0) * chord * (n_v * le_v + n_w * le_w)
-        row[THICK] = -sy * chord * (n_v * ps_v + n_w * ps_w)
-        row[TWIST] = t0 * (n_v * turned_v + n_w * turned_w)
+        d_chord = (
+            n_v * (along * le_v + up * ps_v) + n_w * (along * le_w + up * ps_w)
+        ) / scale
+        d_axis = chord * (n_v * le_v + n_w * le_w)
+        d_fat = -sy * chord * (n_v * ps_v + n_w * ps_w)
+        d_turn = n_v * turned_v + n_w * turned_w
+        row[CHORD + knot], row[CHORD + knot + 1] = h1 * d_chord, h2 * d_chord
+        row[AXIS + knot], row[AXIS + knot + 1] = h1 * d_axis, h2 * d_axis
+        row[THICK + knot], row[THICK + knot + 1] = h1 * d_fat, h2 * d_fat
+        row[TWIST + knot], row[TWIST + knot + 1] = h1 * d_turn, h2 * d_turn
         row[PITCH + b] = (
             n_v * turned_v + n_w * turned_w + params[PREBEND] * p0 * (sense * cp * n_v + sp * n_w)
         )
@@ -167,12 +186,16 @@ def normal_equations(  # type: ignore[no-untyped-def]  # compiled; called from r
             weight, part = huber / z, huber * (2 * z - huber)
         cost += part
         weight /= sigma[m] * sigma[m]
+        used = 0
         for a in range(PARAMETERS):
             if row[a] != 0.0:
-                wa = weight * row[a]
-                out_jtr[a] += wa * residual
-                for d in range(a + 1):
-                    out_jtj[a, d] += wa * row[d]
+                index[used] = a
+                used += 1
+        for a in range(used):
+            wa = weight * row[index[a]]
+            out_jtr[index[a]] += wa * residual
+            for d in range(a + 1):
+                out_jtj[index[a], index[d]] += wa * row[index[d]]
     for a in range(PARAMETERS):
         for d in range(a):
             out_jtj[d, a] = out_jtj[a, d]
