@@ -19,6 +19,8 @@ class Autopilot(ConfigModel):
     """The vehicle we are bound to; every other one is ignored."""
     connect_timeout_s: Positive = 15.0
     position_rate_hz: Annotated[float, Field(ge=5, le=200)] = 50.0
+    set_parameters: bool = False
+    """Set the parameters that preflight demands (offboard loss, return height), not only check."""
 
 
 class Bus(ConfigModel):

@@ -104,6 +104,8 @@ class SensingTask:
     turbine: str = ""
     """Name of the site: gives the catalogue's dimensions."""
     blade: str = ""
+    side: str = ""
+    """PS, SS, LE or TE: which face of the blade is before the vehicle."""
     blade_root_w: Vec3 | None = None
     """Root flange and tip of the modelled axis of the tracked blade."""
     blade_tip_w: Vec3 | None = None

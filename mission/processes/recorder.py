@@ -22,6 +22,7 @@ from mission.records.photos import PhotoLost, fetch, store
 from mission.records.recording import Recording
 from mission.records.summary import close_folder
 from mission.remote.messages import (
+    FlightReport,
     Intent,
     PhotoResultMessage,
     PhotoTakenMessage,
@@ -96,7 +97,8 @@ class Recorder:
             mission.photo_tasks.add(task)
             task.add_done_callback(mission.photo_tasks.discard)
         elif sample.key == Key.REPORT:
-            task = asyncio.create_task(self._end(mission, sample.payload))
+            report = FlightReport.model_validate_json(sample.payload)
+            task = asyncio.create_task(self._end(mission, report))
             self._ending = task
 
     def _take_intent(self, intent: Intent) -> None:
@@ -128,7 +130,7 @@ class Recorder:
         result = PhotoResultMessage(photo_id=photo_id, kept=kept, reason=reason)
         self._bus.publish(Key.PHOTO_RESULT, result.model_dump_json().encode())
 
-    async def _end(self, mission: _Open, report: bytes) -> None:
+    async def _end(self, mission: _Open, report: FlightReport) -> None:
         if mission.photo_tasks:
             await asyncio.wait(mission.photo_tasks, timeout=PHOTO_PATIENCE_S)
         self._open = None

@@ -1,6 +1,6 @@
-"""The sensing process: LiDAR and camera drivers as concurrent tasks, perception in a worker beside.
+"""The sensing process: LiDAR and camera drivers as concurrent tasks, perception in workers beside.
 
-The drivers only receive, decode and publish; every fit runs in the worker process, so that no
+The drivers only receive, decode and publish; every fit runs in a worker process, so that no
 packet waits for it.
 """
 
@@ -23,6 +23,10 @@ from perception.values import Frame, Scan
 
 log = logging.getLogger(__name__)
 
+_WORKERS = (
+    ("tracking", "mission.processes.tracking_worker"),
+    ("estimation", "mission.processes.estimation_worker"),
+)
 HEALTH_PERIOD_S = 1.0
 ONLINE_WITHIN_S = 2.0
 
@@ -39,15 +43,13 @@ async def sense(runtime: Runtime) -> None:
     """Run drivers and worker until cancelled."""
     with runtime.open_bus() as bus:
         counts = _Counts()
-        worker = Child("perception", "mission.processes.perception_worker", runtime.run_dir)
+        workers = [Child(name, module, runtime.run_dir) for name, module in _WORKERS]
 
-        def on_death(_name: str, deaths: int) -> None:
-            log.error("the perception worker died %d times within a minute", deaths)
+        def on_death(name: str, deaths: int) -> None:
+            log.error("the %s worker died %d times within a minute", name, deaths)
 
-        tasks = [
-            asyncio.create_task(_report_health(runtime, bus, counts)),
-            asyncio.create_task(worker.keep_alive(on_death)),
-        ]
+        tasks = [asyncio.create_task(_report_health(runtime, bus, counts))]
+        tasks += [asyncio.create_task(worker.keep_alive(on_death)) for worker in workers]
         for name, driver in _drivers(runtime, bus, counts):
             tasks.append(asyncio.create_task(_keep_running(name, driver)))
         try:
@@ -56,7 +58,7 @@ async def sense(runtime: Runtime) -> None:
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
-            await worker.end(patience_s=2.0)
+            await asyncio.gather(*(worker.end(patience_s=2.0) for worker in workers))
 
 
 def _drivers(

@@ -21,6 +21,7 @@ from mission.flight.observation import (
     Vec3,
     Vehicle,
 )
+from mission.flight.report import MissionReport
 
 SCHEMA = 1
 Identifier = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,64}$")]
@@ -81,13 +82,14 @@ class Intent(Message):
 class VehicleMessage(Message):
     """Flight to everyone, 20 times a second: vehicle, gimbal and camera as reported."""
 
-    vehicle: Annotated[Vehicle | None, Field()] = None
+    vehicle: Vehicle | None = None
     gimbal: GimbalState | None = None
     camera: CameraState | None = None
-    extra_wall_lag_s: float = 0.0
 
     # A battery that never reported has a stamp of minus infinity.
-    model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="constants")
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", allow_inf_nan=True, ser_json_inf_nan="constants"
+    )
 
 
 class StateMessage(Message):
@@ -148,6 +150,23 @@ class PhotoResultMessage(Message):
     reason: str = ""
 
 
+class FlightReport(Message):
+    """Flight to recorder, once at the end: the flight's part of mission.json."""
+
+    report: MissionReport
+    site: str
+    turbine: str
+    operator: str
+    rotor_locked: bool
+    started_utc: str
+    tower_foot_w: Vec3
+    """Where the tower's axis meets the ground, in the frame of the flight: origin of `hub_m`."""
+    frames: int = 0
+    frames_out_of_range: int = 0
+    real_time_factor: float | None = None
+    tick_gap_ms: dict[str, float] = Field(default_factory=dict)
+
+
 class RecordedMessage(Message):
     """Recorder to everyone: the mission folder is complete."""
 
@@ -184,6 +203,7 @@ __all__ = [
     "ClearanceState",
     "EventMessage",
     "ExposureState",
+    "FlightReport",
     "HubPrior",
     "Intent",
     "PhotoResultMessage",

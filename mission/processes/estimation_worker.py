@@ -1,0 +1,177 @@
+"""The slow half of perception: tower and prior hub in the ascent, the rotor from before the hub.
+
+A fit takes many milliseconds; here it keeps nothing waiting but the next fit.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+from pydantic import TypeAdapter
+
+from config.presets import load_turbine
+from drivers.bus import Bus, Key
+from mission.flight.command import SensingMode, SensingTask
+from mission.flight.observation import BladeEstimate, HubPrior, RotorEstimate, Vec3
+from mission.processes.runtime import Runtime, run_process
+from mission.processes.sensor_inbox import SensorInbox
+from perception.deskew import points_in_world
+from perception.estimator import RotorEstimator, rotor_estimator
+from perception.hub_prior import SurveyResult, TowerSurvey
+from perception.rotor import Refusal, Rotor
+from perception.rotor_motion import RotorMotion
+from perception.values import Float, Scan
+
+SURVEY_PERIOD_S = 1.0
+
+_HUB_PRIOR = TypeAdapter(HubPrior)
+_ROTOR = TypeAdapter(RotorEstimate)
+
+
+@dataclass(slots=True)
+class _Gathered:
+    """What has come in for one sensing task."""
+
+    task_id: int
+    begun_s: float
+    clouds: deque[tuple[float, Float, Float]] = field(default_factory=deque)
+    survey: TowerSurvey | None = None
+    motion: RotorMotion | None = None
+    estimator: RotorEstimator | None = None
+    last_result_s: float = float("-inf")
+
+
+class EstimationWorker:
+    """Accumulates scans for the task in force and publishes what they say."""
+
+    def __init__(self, runtime: Runtime, bus: Bus) -> None:
+        self._settings = runtime.settings
+        self._bus = bus
+        self._inbox = SensorInbox(bus, runtime.clock)
+        self._gathered = _Gathered(-1, 0.0)
+        self._sequence = 0
+        self._turbines = {
+            site.name: load_turbine(site.turbine, site.scale) for site in self._settings.sites
+        }
+
+    async def run(self) -> None:
+        """Work through the newest scan, again and again, until cancelled."""
+        while True:
+            self._take(await self._inbox.next_scan())
+            await asyncio.sleep(0)
+
+    def _take(self, scan: Scan) -> None:
+        task = self._inbox.task
+        if task.mode not in (SensingMode.TOWER, SensingMode.ROTOR):
+            return
+        if task.task_id != self._gathered.task_id:
+            self._gathered = _Gathered(task.task_id, scan.stamp_s)
+        points_w, origins_w = points_in_world(
+            scan, list(self._inbox.poses), self._settings.lidar, trusted_only=True
+        )
+        if task.mode is SensingMode.TOWER:
+            self._survey(task, points_w, scan.stamp_s)
+        else:
+            self._estimate(task, points_w, origins_w, scan.stamp_s)
+
+    # --- the ascent -----------------------------------------------------------------------------
+
+    def _survey(self, task: SensingTask, points_w: Float, stamp_s: float) -> None:
+        gathered, turbine = self._gathered, self._turbines.get(task.turbine)
+        if task.tower_w is None:
+            return
+        if gathered.survey is None:
+            gathered.survey = TowerSurvey(expected_w=np.asarray(task.tower_w), turbine=turbine)
+        gathered.survey.update(points_w, stamp_s)
+        if gathered.motion is not None:
+            gathered.motion.update(points_w, stamp_s)
+        if stamp_s - gathered.last_result_s < SURVEY_PERIOD_S:
+            return
+        gathered.last_result_s = stamp_s
+        result = gathered.survey.result()
+        if result is None:
+            return
+        if gathered.motion is None and result.normal_w is not None:
+            radius_m = 50.0 if turbine is None else turbine.rotor_radius_m
+            gathered.motion = RotorMotion(result.hub_w, result.normal_w, radius_m)
+        self._bus.publish(Key.HUB_PRIOR, _HUB_PRIOR.dump_json(_prior(result, gathered.motion)))
+
+    # --- the rotor ------------------------------------------------------------------------------
+
+    def _estimate(
+        self, task: SensingTask, points_w: Float, origins_w: Float, stamp_s: float
+    ) -> None:
+        gathered, settings = self._gathered, self._settings
+        gathered.clouds.append((stamp_s, points_w, origins_w))
+        window_s = settings.estimation.accumulate_s
+        while gathered.clouds and stamp_s - gathered.clouds[0][0] > window_s:
+            gathered.clouds.popleft()
+        begun_s = max(gathered.begun_s, gathered.last_result_s)
+        if stamp_s - begun_s < window_s:
+            return
+        gathered.last_result_s = stamp_s
+        if gathered.estimator is None:
+            gathered.estimator = rotor_estimator(settings, self._turbines.get(task.turbine))
+        answer = gathered.estimator.update(
+            np.concatenate([points for _, points, _ in gathered.clouds]),
+            np.concatenate([origins for _, _, origins in gathered.clouds]),
+            stamp_s,
+            prior_hub_w=None if task.hub_w is None else np.asarray(task.hub_w),
+            prior_normal_w=None if task.normal_w is None else np.asarray(task.normal_w),
+        )
+        self._sequence += 1
+        estimate = rotor_estimate(answer, stamp_s, self._sequence)
+        self._bus.publish(Key.ROTOR, _ROTOR.dump_json(estimate))
+
+
+def _prior(result: SurveyResult, motion: RotorMotion | None) -> HubPrior:
+    turning = None if motion is None else motion.turning
+    return HubPrior(
+        stamp_s=result.stamp_s,
+        tower_w=_vec(result.tower.foot_w),
+        tower_axis_w=_vec(result.tower.axis_w),
+        tower_top_m=result.tower.top_m,
+        hub_w=_vec(result.hub_w),
+        normal_w=None if result.normal_w is None else _vec(result.normal_w),
+        sigma_m=result.sigma_m,
+        turning=turning,
+    )
+
+
+def rotor_estimate(answer: Rotor | Refusal, stamp_s: float, sequence: int) -> RotorEstimate:
+    """Return an estimator's answer as flight reads it."""
+    if isinstance(answer, Refusal):
+        return RotorEstimate(stamp_s, sequence, refusal=answer.code, refusal_text=answer.text)
+    blades = tuple(
+        BladeEstimate(blade.name, _vec(blade.direction_w), blade.pitch_deg, blade.length_m)
+        for blade in answer.blades
+    )
+    return RotorEstimate(
+        stamp_s=stamp_s,
+        sequence=sequence,
+        hub_w=_vec(answer.hub_w),
+        normal_w=_vec(answer.normal_w),
+        stop_angle_deg=answer.stop_angle_deg,
+        sigma_deg=answer.sigma_deg,
+        reference=answer.reference,
+        blades=blades,
+        cone_deg=answer.cone_deg,
+        method=answer.method,
+    )
+
+
+def _vec(values: Float) -> Vec3:
+    return float(values[0]), float(values[1]), float(values[2])
+
+
+async def estimate(runtime: Runtime) -> None:
+    """Run the worker until cancelled."""
+    with runtime.open_bus() as bus:
+        await EstimationWorker(runtime, bus).run()
+
+
+if __name__ == "__main__":
+    run_process("estimation", estimate)

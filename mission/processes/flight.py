@@ -1,0 +1,410 @@
+"""The flight process: MAVSDK, the 20 Hz control tick, machine and guard. No disk, no fits.
+
+Setpoints leave from the tick alone, synchronously: a dead loop is silence, and silence is the
+autopilot's failsafe. After a stall of our own nothing is sent until the mode was reported anew.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import statistics
+from concurrent.futures import ThreadPoolExecutor
+from datetime import UTC, datetime
+from pathlib import Path
+
+from config.presets import load_turbine
+from config.turbine import Site, Turbine
+from drivers.autopilot import AutopilotLink
+from drivers.autopilot_errors import AutopilotError
+from drivers.bus import Bus, Key, Sample
+from drivers.clock import sleep, sleep_until
+from drivers.payload import Payload, PhotoTaken
+from mission.flight.command import (
+    Action,
+    Command,
+    MissionState,
+    Phase,
+    PhotoCommand,
+    Progress,
+    Setpoint,
+)
+from mission.flight.events import EventRecord
+from mission.flight.guard import Guard, GuardedCommand
+from mission.flight.machine import Machine
+from mission.flight.observation import (
+    FlightMode,
+    Observation,
+    PreflightItem,
+    Request,
+    RequestKind,
+)
+from mission.processes.flight_inputs import (
+    FlightInputs,
+    camera_part,
+    gimbal_part,
+    vehicle_part,
+)
+from mission.processes.flight_outputs import FlightOutputs
+from mission.processes.preflight import preflight_items, read_parameters
+from mission.processes.runtime import Runtime, run_process
+from mission.remote.messages import Intent
+
+log = logging.getLogger(__name__)
+
+TICK_S = 0.05
+#: A tick older than this is dropped, never sent late.
+MAX_LATE_S = 0.1
+#: Silent for so long (the autopilot may have left offboard): the mode is read before anything.
+STALL_S = 0.4
+RECONNECT_S = 2.0
+TERMINAL = frozenset(
+    {
+        MissionState.COMPLETED,
+        MissionState.ENDED_SAFELY,
+        MissionState.REFUSED,
+        MissionState.FAILED,
+        MissionState.RELEASED,
+    }
+)
+IDLE_PROGRESS = Progress(Phase.IDLE, MissionState.IDLE, "ready")
+
+
+class Flight:
+    """Machine and guard between the vehicle's link and the bus."""
+
+    def __init__(self, runtime: Runtime, bus: Bus) -> None:
+        self._settings = runtime.settings
+        self._clock = runtime.clock
+        self._bus = bus
+        self._inputs = FlightInputs(bus)
+        self._outputs = FlightOutputs(bus, runtime)
+        self._guard = Guard(runtime.settings)
+        self._requests: list[Request] = []
+        self._intent: Intent | None = None
+        self._machine: Machine | None = None
+        self._site: Site | None = None
+        self._turbine: Turbine | None = None
+        self._parameters: dict[str, float] | None = None
+        self._preflight: asyncio.Task[None] | None = None
+        self._link: AutopilotLink | None = None
+        self._payload: Payload | None = None
+        self._action: asyncio.Task[None] | None = None
+        self._refused: str | None = None
+        self._previous: Setpoint | None = None
+        self._guard_words = ""
+        self._last_sent_s = float("-inf")
+        self._mode_wanted_after_s = float("-inf")
+        self._tick = 0
+        self._gaps_ms: list[float] = []
+        self._started_utc = ""
+        self._link_words = "looking for the vehicle"
+        self._photo_commands: dict[int, PhotoCommand] = {}
+        self._last_observation: Observation | None = None
+        self._reported = True
+        bus.subscribe(Key.INTENT, self._take_intent)
+
+    async def run(self) -> None:
+        """Find the vehicle and fly what is asked for, until cancelled."""
+        idle = asyncio.create_task(self._report_while_unconnected())
+        try:
+            while True:
+                try:
+                    async with AutopilotLink(self._settings.autopilot, self._clock) as link:
+                        self._link, self._link_words = link, ""
+                        async with Payload(
+                            link,
+                            self._settings,
+                            self._clock,
+                            self._on_photo,
+                            self._on_photo_failed,
+                        ) as payload:
+                            self._payload = payload
+                            await self._ticks(link, payload)
+                except AutopilotError as error:
+                    self._link = None
+                    self._link_words = str(error)
+                    log.error("%s", error)
+                    self._refuse_unconnected()
+                await asyncio.sleep(RECONNECT_S)
+        finally:
+            idle.cancel()
+
+    async def _report_while_unconnected(self) -> None:
+        while True:
+            if self._link is None:
+                progress = Progress(Phase.IDLE, MissionState.IDLE, self._link_words)
+                self._outputs.state(progress, None, self._inputs, self._intent, link_ok=False)
+            await asyncio.sleep(0.2)
+
+    def _refuse_unconnected(self) -> None:
+        """A mission that was asked for while there is no vehicle ends here."""
+        if self._intent is None or self._reported:
+            return
+        progress = Progress(Phase.IDLE, MissionState.FAILED, self._link_words)
+        self._outputs.state(progress, None, self._inputs, self._intent, link_ok=False)
+
+    # --- the tick ---------------------------------------------------------------------------
+
+    async def _ticks(self, link: AutopilotLink, payload: Payload) -> None:
+        try:
+            next_s = self._clock.now_s()
+            while True:
+                next_s += TICK_S
+                await sleep_until(self._clock, next_s)
+                now_s = self._clock.now_s()
+                late_s = now_s - next_s
+                if late_s > MAX_LATE_S:
+                    next_s = now_s
+                self._one_tick(link, payload, now_s, late_s)
+        finally:
+            # Our last word: whatever ends this process, the vehicle is asked to hold.
+            await self._hold_if_flying(link)
+
+    async def _hold_if_flying(self, link: AutopilotLink) -> None:
+        reading = link.vehicle()
+        if reading is None or FlightMode(reading.mode) is not FlightMode.OFFBOARD:
+            return
+        try:
+            async with asyncio.timeout(1.5):
+                await asyncio.shield(link.act("hold"))
+        except (AutopilotError, TimeoutError) as error:
+            log.error("hold was not acknowledged: %s", error)
+
+    def _one_tick(self, link: AutopilotLink, payload: Payload, now_s: float, late_s: float) -> None:
+        self._tick += 1
+        observation = self._observe(link, payload, now_s, late_s)
+        self._last_observation = observation
+        machine = self._machine
+        if machine is None:
+            self._outputs.vehicle(observation)
+            if self._tick % 4 == 0:
+                self._outputs.state(IDLE_PROGRESS, observation, self._inputs, self._intent)
+            return
+        command, events = machine.step(observation)
+        guarded = self._guard.check(
+            command, observation, self._inputs.surroundings, machine.airspace(), self._previous
+        )
+        self._send(link, payload, guarded, observation)
+        self._after(machine, observation, guarded, events)
+
+    def _observe(
+        self, link: AutopilotLink, payload: Payload, now_s: float, late_s: float
+    ) -> Observation:
+        inputs = self._inputs
+        requests, self._requests = tuple(self._requests), []
+        refused, self._refused = self._refused, None
+        sensing = inputs.sensing
+        alive = sensing is None or now_s - sensing.mission_s < 2.5
+        return Observation(
+            now_s=now_s,
+            tick=self._tick,
+            vehicle=vehicle_part(link.vehicle()),
+            gimbal=gimbal_part(payload.gimbal()),
+            camera=camera_part(payload.camera()),
+            clearance=inputs.clearance,
+            hub_prior=inputs.hub_prior,
+            rotor=inputs.rotor,
+            blade=inputs.blade,
+            exposure=inputs.exposure,
+            photos=inputs.photos(),
+            requests=requests,
+            preflight=self._preflight_items(link),
+            offboard_refused=refused,
+            sensing_alive=alive,
+            late_s=max(0.0, late_s),
+            guard_refused=self._guard_words,
+        )
+
+    def _send(
+        self,
+        link: AutopilotLink,
+        payload: Payload,
+        guarded: GuardedCommand,
+        observation: Observation,
+    ) -> None:
+        command = guarded.command
+        self._guard_words = guarded.reason if guarded.refused else ""
+        if command.setpoint is not None and self._may_send(observation):
+            setpoint = command.setpoint
+            link.send_setpoint(setpoint.position_w, setpoint.velocity_w, setpoint.yaw_rad)
+            self._note_gap(observation.now_s)
+            self._previous = setpoint
+        elif command.setpoint is None:
+            self._previous, self._last_sent_s = None, float("-inf")
+        if command.gimbal is not None and self._tick % 2 == 0:
+            payload.aim(command.gimbal.yaw_rad, command.gimbal.pitch_rad)
+        if command.ev is not None:
+            payload.want_ev(command.ev)
+        if command.photo is not None:
+            self._photo_commands[command.photo.photo_id] = command.photo
+            payload.take_photo(command.photo.photo_id)
+        if command.action is not None and (self._action is None or self._action.done()):
+            height_m = command.takeoff_height_m or 0.0
+            self._action = asyncio.create_task(self._act(link, command.action, height_m))
+
+    def _may_send(self, observation: Observation) -> bool:
+        """Late ticks are dropped; after a stall the mode must have been reported anew."""
+        now_s = observation.now_s
+        if observation.late_s > MAX_LATE_S:
+            return False
+        if now_s - self._last_sent_s > STALL_S and self._last_sent_s > float("-inf"):
+            self._mode_wanted_after_s = now_s
+            self._last_sent_s = float("-inf")
+        vehicle = observation.vehicle
+        return vehicle is not None and vehicle.mode_stamp_s >= self._mode_wanted_after_s
+
+    def _note_gap(self, now_s: float) -> None:
+        if self._last_sent_s > float("-inf"):
+            self._gaps_ms.append((now_s - self._last_sent_s) * 1e3)
+        self._last_sent_s = now_s
+
+    async def _act(self, link: AutopilotLink, action: Action, height_m: float) -> None:
+        try:
+            await link.act(action, height_m)
+        except AutopilotError as error:
+            log.warning("%s: %s", action, error)
+            self._refused = str(error)
+
+    # --- what leaves --------------------------------------------------------------------------
+
+    def _after(
+        self,
+        machine: Machine,
+        observation: Observation,
+        guarded: GuardedCommand,
+        events: tuple[EventRecord, ...],
+    ) -> None:
+        command: Command = guarded.command
+        self._outputs.vehicle(observation)
+        self._outputs.task(command.sensing, observation.now_s)
+        for event in events:
+            self._outputs.event(event)
+        self._outputs.tick(observation, guarded)
+        ended = command.progress.state in TERMINAL
+        if self._tick % 4 == 0 or ended:
+            self._outputs.state(command.progress, observation, self._inputs, self._intent)
+        if ended:
+            self._end(machine)
+
+    def _end(self, machine: Machine) -> None:
+        """Hand the report to the recorder, once; the machine is done."""
+        intent, site, turbine = self._intent, self._site, self._turbine
+        self._machine = None
+        if intent is None or site is None or turbine is None or self._reported:
+            return
+        self._reported = True
+        self._outputs.report(
+            machine, intent, turbine, self._started_utc, self._inputs, self._spread()
+        )
+
+    def _spread(self) -> dict[str, float]:
+        gaps = sorted(self._gaps_ms)
+        if len(gaps) < 2:
+            return {}
+        return {
+            "p50": statistics.median(gaps),
+            "p99": gaps[min(len(gaps) - 1, round(0.99 * len(gaps)))],
+            "max": gaps[-1],
+        }
+
+    def _on_photo(self, photo: PhotoTaken) -> None:
+        command = self._photo_commands.pop(photo.photo_id, None)
+        if command is not None and self._last_observation is not None:
+            self._outputs.photo(photo, command, self._last_observation)
+
+    def _on_photo_failed(self, photo_id: int, reason: str) -> None:
+        self._photo_commands.pop(photo_id, None)
+        log.warning("photo %d failed: %s", photo_id, reason)
+
+    # --- what is asked ------------------------------------------------------------------------
+
+    def _take_intent(self, sample: Sample) -> None:
+        intent = Intent.model_validate_json(sample.payload)
+        if intent.kind is RequestKind.START:
+            self._start(intent)
+        self._requests.append(
+            Request(
+                kind=intent.kind,
+                request_id=intent.id,
+                site=intent.site,
+                operator=intent.operator,
+                rotor_locked=intent.rotor_locked,
+                blades=intent.blades,
+                sides=intent.sides,
+            )
+        )
+
+    def _start(self, intent: Intent) -> None:
+        sites = {site.name: site for site in self._settings.sites}
+        site = sites[intent.site]
+        turbine = load_turbine(site.turbine, site.scale)
+        chosen = self._settings.inspection.model_copy(
+            update={"blades": intent.blades, "sides": intent.sides}
+        )
+        settings = self._settings.model_copy(update={"inspection": chosen})
+        self._inputs.forget()
+        self._requests.clear()
+        self._intent, self._site, self._turbine = intent, site, turbine
+        self._machine = Machine(settings, site, turbine)
+        self._outputs.begin()
+        self._parameters, self._preflight = None, None
+        self._gaps_ms.clear()
+        self._photo_commands.clear()
+        self._started_utc = datetime.now(UTC).isoformat(timespec="seconds")
+        self._reported = False
+
+    def _preflight_items(self, link: AutopilotLink) -> tuple[PreflightItem, ...]:
+        """Return the checks, once the parameters were read; only before take-off."""
+        turbine, intent = self._turbine, self._intent
+        if self._machine is None or turbine is None or intent is None:
+            return ()
+        if self._preflight is None:
+            self._preflight = asyncio.create_task(self._read_parameters(link, turbine))
+        reading = link.vehicle()
+        if self._parameters is None or (reading is not None and reading.armed):
+            return ()
+        return preflight_items(
+            self._settings,
+            turbine,
+            reading,
+            self._parameters,
+            self._inputs.sensing,
+            Path(intent.mission_dir),
+        )
+
+    async def _read_parameters(self, link: AutopilotLink, turbine: Turbine) -> None:
+        # The sensors come up meanwhile: the first word of a fresh daemon is not the last.
+        deadline_s = self._clock.now_s() + 20.0
+        mend = self._settings.autopilot.set_parameters
+        try:
+            parameters = await read_parameters(link, turbine, mend=mend)
+        except AutopilotError as error:
+            log.warning("parameters: %s", error)
+            parameters = {}
+        while self._clock.now_s() < deadline_s and not self._all_online(link):
+            await sleep(self._clock, 0.2)
+        self._parameters = parameters
+
+    def _all_online(self, link: AutopilotLink) -> bool:
+        sensing, vehicle = self._inputs.sensing, link.vehicle()
+        if sensing is None or vehicle is None:
+            return False
+        return sensing.lidar_online and sensing.camera_online and vehicle.healthy
+
+
+async def fly(runtime: Runtime) -> None:
+    """Run the flight process until cancelled."""
+    loop = asyncio.get_running_loop()
+    loop.set_default_executor(_executor())
+    with runtime.open_bus() as bus:
+        await Flight(runtime, bus).run()
+
+
+def _executor() -> ThreadPoolExecutor:
+    """Return a large executor: every MAVSDK call occupies a thread of it until it is answered."""
+    return ThreadPoolExecutor(32, "mavsdk")
+
+
+if __name__ == "__main__":
+    run_process("flight", fly)

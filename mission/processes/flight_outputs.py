@@ -1,0 +1,183 @@
+"""What flight says on the bus: vehicle, state, task, events, ticks, photos, report."""
+
+from __future__ import annotations
+
+import math
+from datetime import UTC, datetime, timedelta
+
+from pydantic import TypeAdapter
+
+from config.turbine import Turbine
+from drivers.bus import Bus, Key
+from drivers.payload_camera import PhotoTaken
+from mission.flight.command import PhotoCommand, Progress, SensingTask
+from mission.flight.events import EventRecord
+from mission.flight.guard import GuardedCommand
+from mission.flight.machine import Machine
+from mission.flight.observation import GimbalState, Observation, Vehicle
+from mission.processes.flight_inputs import FlightInputs
+from mission.processes.runtime import Runtime
+from mission.remote.messages import (
+    EventMessage,
+    FlightReport,
+    Intent,
+    PhotoTakenMessage,
+    StateMessage,
+    TickRecord,
+    VehicleMessage,
+)
+
+_TASK = TypeAdapter(SensingTask)
+TASK_PERIOD_S = 1.0
+
+
+class FlightOutputs:
+    """Puts flight's messages together and publishes them."""
+
+    def __init__(self, bus: Bus, runtime: Runtime) -> None:
+        self._bus = bus
+        self._settings = runtime.settings
+        self._clock = runtime.clock
+        self._task: SensingTask | None = None
+        self._task_sent_s = float("-inf")
+        self._utc_of_zero = _utc_of_mission_zero(runtime)
+        self._factors: list[float] = []
+        self._history: list[tuple[Vehicle, GimbalState | None]] = []
+
+    def begin(self) -> None:
+        """A new mission begins."""
+        self._factors.clear()
+
+    def vehicle(self, observation: Observation) -> None:
+        """Publish vehicle, gimbal and camera."""
+        if observation.vehicle is not None:
+            self._history.append((observation.vehicle, observation.gimbal))
+            del self._history[:-60]
+        message = VehicleMessage(
+            vehicle=observation.vehicle, gimbal=observation.gimbal, camera=observation.camera
+        )
+        self._bus.publish(Key.VEHICLE, message.model_dump_json().encode())
+
+    def task(self, task: SensingTask, now_s: float) -> None:
+        """Publish the sensing task when it changes, and once a second for late joiners."""
+        if task == self._task and now_s - self._task_sent_s < TASK_PERIOD_S:
+            return
+        self._task, self._task_sent_s = task, now_s
+        self._bus.publish(Key.TASK, _TASK.dump_json(task))
+
+    def event(self, event: EventRecord) -> None:
+        """Publish one line of the event log."""
+        message = EventMessage(
+            mission_s=event.t_s,
+            name=event.name,
+            severity=event.severity.name.lower(),
+            text=event.text,
+        )
+        self._bus.publish(Key.EVENT, message.model_dump_json().encode())
+
+    def tick(self, observation: Observation, guarded: GuardedCommand) -> None:
+        """Publish what was known, decided and sent."""
+        record = TickRecord.model_construct(
+            observation=observation, command=guarded.command, refused=guarded.reason
+        )
+        self._bus.publish(Key.COMMAND, record.model_dump_json().encode(), droppable=True)
+
+    def state(
+        self,
+        progress: Progress,
+        observation: Observation | None,
+        inputs: FlightInputs,
+        intent: Intent | None,
+        *,
+        link_ok: bool = True,
+    ) -> None:
+        """Publish what an operator is shown."""
+        now_s = self._clock.now_s()
+        self._factors.append(self._clock.factor())
+        vehicle = None if observation is None else observation.vehicle
+        camera = None if observation is None else observation.camera
+        clearance = inputs.clearance
+        message = StateMessage(
+            vehicle=self._settings.vehicle,
+            mission_dir="" if intent is None else intent.mission_dir,
+            site="" if intent is None else intent.site,
+            mission_s=now_s,
+            factor=self._clock.factor(),
+            progress=progress,
+            position_w=None if vehicle is None else vehicle.position_w,
+            battery=None if vehicle is None else vehicle.battery,
+            lidar_age_s=None if clearance is None else now_s - clearance.stamp_s,
+            ev=None if camera is None else camera.ev,
+            grey=None if inputs.exposure is None else inputs.exposure.mean_grey,
+            link_ok=link_ok,
+        )
+        self._bus.publish(Key.STATE, message.model_dump_json().encode())
+
+    def photo(self, photo: PhotoTaken, command: PhotoCommand, newest: Observation) -> None:
+        """Publish that a photo exists, with everything known at its moment."""
+        vehicle, gimbal = self._at(photo.stamp_s, newest)
+        if vehicle is None:
+            return
+        blade, camera = newest.blade, newest.camera
+        foot = None if blade is None or blade.blade != command.blade else blade.foot_w
+        distance_m = command.distance_m
+        if foot is not None:
+            distance_m = math.dist(foot, vehicle.position_w)
+        message = PhotoTakenMessage(
+            command=command,
+            url=photo.file_url,
+            index=photo.index,
+            stamp_s=photo.stamp_s,
+            utc=self._utc(photo.stamp_s),
+            position_w=vehicle.position_w,
+            quaternion_wb=vehicle.quaternion_wb,
+            gimbal_yaw_rad=vehicle.yaw_rad if gimbal is None else gimbal.yaw_rad,
+            gimbal_pitch_rad=0.0 if gimbal is None else gimbal.pitch_rad,
+            foot_w=foot,
+            distance_m=distance_m,
+            ev=None if camera is None else camera.ev,
+            shutter_s=None if camera is None else camera.shutter_s,
+            latitude_deg=vehicle.latitude_deg,
+            longitude_deg=vehicle.longitude_deg,
+            altitude_m=vehicle.altitude_m,
+        )
+        self._bus.publish(Key.PHOTO, message.model_dump_json().encode())
+
+    def report(
+        self,
+        machine: Machine,
+        intent: Intent,
+        turbine: Turbine,
+        started_utc: str,
+        inputs: FlightInputs,
+        tick_gap_ms: dict[str, float],
+    ) -> None:
+        """Publish the flight's part of mission.json."""
+        foot = machine.tower_foot_w()
+        message = FlightReport.model_construct(
+            report=machine.report(),
+            site=intent.site,
+            turbine=turbine.name,
+            operator=intent.operator,
+            rotor_locked=intent.rotor_locked,
+            started_utc=started_utc,
+            tower_foot_w=foot,
+            frames=inputs.frames,
+            frames_out_of_range=inputs.frames_out_of_range,
+            real_time_factor=sum(self._factors) / len(self._factors) if self._factors else None,
+            tick_gap_ms=tick_gap_ms,
+        )
+        self._bus.publish(Key.REPORT, message.model_dump_json().encode())
+
+    def _at(self, stamp_s: float, newest: Observation) -> tuple[Vehicle | None, GimbalState | None]:
+        if not self._history:
+            return newest.vehicle, newest.gimbal
+        return min(self._history, key=lambda pair: abs(pair[0].stamp_s - stamp_s))
+
+    def _utc(self, mission_s: float) -> str:
+        moment = self._utc_of_zero + timedelta(seconds=mission_s)
+        return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def _utc_of_mission_zero(runtime: Runtime) -> datetime:
+    return datetime.now(UTC) - timedelta(seconds=runtime.clock.now_s())

@@ -1,0 +1,270 @@
+"""The quick half of perception: clearance from every scan, the blade's line, the blade's exposure.
+
+A process of its own, so that neither packets nor estimates wait for it, nor it for them.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections import deque
+
+import numpy as np
+from pydantic import TypeAdapter
+
+from config.presets import load_turbine
+from config.turbine import Turbine
+from drivers.bus import Bus, Key, Sample
+from drivers.codecs import POINT_CLOUD, BadMessage, decode_frame, encode_points
+from mission.flight.command import SensingMode, SensingTask
+from mission.flight.observation import BladeTrack, ClearanceState, ExposureState, Vec3
+from mission.processes.runtime import Runtime, run_process
+from mission.processes.sensor_inbox import SensorInbox
+from perception.blade_line import fit_blade_line
+from perception.clearance import OccupancyMemory, RepeatedScans
+from perception.deskew import points_in_world
+from perception.exposure import ExposureControl, exposure_control
+from perception.geometry import camera_looking_along, pinhole_matrix, rotation_from_quaternion
+from perception.metering import Metered, blade_outline, meter_disc, meter_outline
+from perception.projection import project
+from perception.values import CameraPose, Float, Frame, Scan
+
+#: Occupied points handed to the guard: all that a setpoint could lead near.
+AROUND_M = 30.0
+AROUND_POINTS = 1500
+#: Scans are joined over this time for the blade's line.
+BLADE_WINDOW_S = 0.3
+RATE_WINDOW = 10
+#: From a setting acknowledged to the first frame exposed with it, until it is learned.
+EXPOSURE_LATENCY_S = 0.12
+#: Share of the blade's width that surely is blade, for the metering mask.
+SURE_WIDTH = 0.6
+
+_CLEARANCE = TypeAdapter(ClearanceState)
+_BLADE = TypeAdapter(BladeTrack)
+_EXPOSURE = TypeAdapter(ExposureState)
+
+
+class TrackingWorker:
+    """Scans and frames in; clearance, blade line and exposure out."""
+
+    def __init__(self, runtime: Runtime, bus: Bus) -> None:
+        settings = runtime.settings
+        self._settings = settings
+        self._bus = bus
+        self._inbox = SensorInbox(bus, runtime.clock)
+        ignore_m = settings.lidar.blind_range_m + settings.airframe.radius_m
+        self._memory = OccupancyMemory(ignore_within_m=ignore_m)
+        self._repeats = RepeatedScans()
+        self._stamps: deque[float] = deque(maxlen=RATE_WINDOW)
+        self._recent: deque[tuple[float, Float]] = deque()
+        self._turbines = {
+            site.name: load_turbine(site.turbine, site.scale) for site in settings.sites
+        }
+        self._task_id = -1
+        self._exposure: ExposureControl | None = None
+        self._foot_w: Vec3 | None = None
+        self._evs: deque[tuple[float, float]] = deque(maxlen=50)
+        bus.subscribe_newest(Key.FRAME, self._take_frame)
+
+    async def run(self) -> None:
+        """Work through the newest scan, again and again, until cancelled."""
+        while True:
+            self._take_scan(await self._inbox.next_scan())
+            await asyncio.sleep(0)
+
+    # --- scans --------------------------------------------------------------------------------
+
+    def _take_scan(self, scan: Scan) -> None:
+        position_w = self._inbox.position()
+        if position_w is None:
+            return
+        repeated = self._repeats.update(scan.points_l)
+        points_w, origins_w = points_in_world(scan, list(self._inbox.poses), self._settings.lidar)
+        if not repeated:
+            origin = origins_w[-1] if len(origins_w) else position_w
+            self._memory.update(points_w, scan.stamp_s, origin)
+        self._publish_clearance(scan, position_w, repeated=repeated)
+        task = self._inbox.task
+        if task.mode is SensingMode.BLADE:
+            self._follow_blade(task, points_w, scan.stamp_s, position_w)
+        else:
+            self._foot_w = None
+
+    def _publish_clearance(self, scan: Scan, position_w: Float, *, repeated: bool) -> None:
+        self._stamps.append(scan.stamp_s)
+        span_s = self._stamps[-1] - self._stamps[0]
+        rate_hz = (len(self._stamps) - 1) / span_s if span_s > 0 else 10.0
+        nearest = self._memory.nearest(position_w)
+        state = ClearanceState(
+            stamp_s=scan.stamp_s,
+            sequence=scan.sequence,
+            nearest_m=None if nearest is None else nearest[0],
+            nearest_w=None if nearest is None else _vec(nearest[1]),
+            scan_rate_hz=rate_hz,
+            repeated=repeated,
+        )
+        around = self._memory.around(position_w, AROUND_M, AROUND_POINTS)
+        self._bus.publish(Key.OCCUPANCY, encode_points(around, scan.stamp_s), encoding=POINT_CLOUD)
+        self._bus.publish(Key.CLEARANCE, _CLEARANCE.dump_json(state))
+
+    def _follow_blade(
+        self, task: SensingTask, points_w: Float, stamp_s: float, position_w: Float
+    ) -> None:
+        if task.task_id != self._task_id:
+            self._task_id = task.task_id
+            self._recent.clear()
+        self._recent.append((stamp_s, points_w))
+        while self._recent and stamp_s - self._recent[0][0] > BLADE_WINDOW_S:
+            self._recent.popleft()
+        if task.blade_root_w is None or task.blade_tip_w is None:
+            return
+        root_w, tip_w = np.asarray(task.blade_root_w), np.asarray(task.blade_tip_w)
+        joined = np.concatenate([points for _, points in self._recent])
+        turbine = self._turbines.get(task.turbine)
+        line = fit_blade_line(
+            joined,
+            position_w,
+            root_w,
+            tip_w,
+            task.half_width_m,
+            half_thickness_m=_half_depth(turbine, task, position_w),
+        )
+        if line is None:
+            self._foot_w = None
+            return
+        self._foot_w = _vec(line.foot_w)
+        window_s = max(stamp_s - self._recent[0][0], 0.1)
+        track = BladeTrack(
+            stamp_s=stamp_s,
+            blade=task.blade,
+            foot_w=self._foot_w,
+            direction_w=_vec(line.direction_w),
+            distance_m=line.distance_m,
+            points_per_s=line.points / window_s,
+            offset_w=_vec(line.offset_w),
+            residual_m=line.residual_m,
+            tip_m=line.tip_m,
+        )
+        self._bus.publish(Key.BLADE, _BLADE.dump_json(track))
+
+    # --- frames -------------------------------------------------------------------------------
+
+    def _take_frame(self, sample: Sample) -> None:
+        try:
+            frame = decode_frame(sample.payload, sample.attachment)
+        except BadMessage:
+            return
+        if self._inbox.task.mode is not SensingMode.BLADE:
+            self._exposure = None
+            return
+        metered = self._meter(frame)
+        ev = self._ev_of(frame.stamp_s)
+        if metered is None or ev is None:
+            return
+        camera = self._inbox.cameras[-1]
+        if self._exposure is None:
+            self._exposure = exposure_control(
+                self._settings.exposure, min_ev=camera.min_ev, max_ev=camera.max_ev
+            )
+        wanted = self._exposure.update(metered.mean_grey, metered.clipped, ev, frame.stamp_s)
+        limits = self._settings.exposure
+        state = ExposureState(
+            stamp_s=frame.stamp_s,
+            mean_grey=metered.mean_grey,
+            in_range=limits.min_grey <= metered.mean_grey <= limits.max_grey,
+            ev_wanted=wanted,
+            clipped=metered.clipped,
+            pixels=metered.pixels,
+        )
+        self._bus.publish(Key.EXPOSURE, _EXPOSURE.dump_json(state))
+
+    def _ev_of(self, stamp_s: float) -> float | None:
+        """Return the EV in force when a frame was exposed, not the one last asked for."""
+        for camera in self._inbox.cameras:
+            if camera.ev is not None and (not self._evs or camera.ev_stamp_s > self._evs[-1][0]):
+                self._evs.append((camera.ev_stamp_s, camera.ev))
+        if not self._evs:
+            return None
+        before = [ev for at_s, ev in self._evs if at_s + EXPOSURE_LATENCY_S <= stamp_s]
+        return before[-1] if before else self._evs[0][1]
+
+    def _meter(self, frame: Frame) -> Metered | None:
+        """Meter the blade's own outline near the foot; the disc where the outline is not known."""
+        camera = self._camera_pose(frame.stamp_s)
+        task = self._inbox.task
+        if camera is None or self._foot_w is None:
+            return None
+        height, width = frame.grey.shape
+        settings = self._settings.camera
+        focal_px = settings.focal_length_mm / settings.sensor_width_mm * width
+        matrix = pinhole_matrix(focal_px, width, height)
+        foot_px = project(np.asarray(self._foot_w), camera, matrix)
+        radius_px = self._settings.exposure.disc_radius * width
+        turbine = self._turbines.get(task.turbine)
+        if turbine is not None and task.blade_root_w is not None and task.blade_tip_w is not None:
+            root_w, tip_w = np.asarray(task.blade_root_w), np.asarray(task.blade_tip_w)
+            shift = self._shift(root_w, tip_w)
+            span = np.linspace(0.0, 1.0, 60)
+            chord = np.interp(span, turbine.blade.span, turbine.blade.chord_m)
+            thick = chord * np.interp(span, turbine.blade.span, turbine.blade.thickness)
+            outline = blade_outline(
+                root_w + shift, tip_w + shift, 0.5 * SURE_WIDTH * thick, camera, matrix
+            )
+            metered = meter_outline(frame.grey, outline, foot_px, 4 * radius_px)
+            if metered is not None:
+                return metered
+        return meter_disc(frame.grey, foot_px, radius_px)
+
+    def _shift(self, root_w: Float, tip_w: Float) -> Float:
+        """Return how far the measured foot lies beside the modelled axis, (3,)."""
+        axis = (tip_w - root_w) / np.linalg.norm(tip_w - root_w)
+        offset = np.asarray(self._foot_w) - root_w
+        across: Float = offset - (offset @ axis) * axis
+        return across
+
+    def _camera_pose(self, stamp_s: float) -> CameraPose | None:
+        gimbal = self._inbox.gimbal_at(stamp_s)
+        poses = self._inbox.poses
+        if gimbal is None or not poses:
+            return None
+        pose = min(poses, key=lambda one: abs(one.stamp_s - stamp_s))
+        body = rotation_from_quaternion(pose.quaternion_wb)
+        drift = pose.velocity_w * (stamp_s - pose.stamp_s)
+        eye_w = pose.position_w + drift + body @ np.asarray(self._settings.camera.offset_m)
+        cosine = math.cos(gimbal.pitch_rad)
+        direction = (
+            cosine * math.cos(gimbal.yaw_rad),
+            cosine * math.sin(gimbal.yaw_rad),
+            math.sin(gimbal.pitch_rad),
+        )
+        return CameraPose(stamp_s, eye_w, camera_looking_along(direction))
+
+
+def _half_depth(turbine: Turbine | None, task: SensingTask, position_w: Float) -> float:
+    """Return how far behind the near skin the axis lies, seen square to the chord."""
+    if turbine is None or task.blade_root_w is None or task.blade_tip_w is None:
+        return 0.0
+    root_w, tip_w = np.asarray(task.blade_root_w), np.asarray(task.blade_tip_w)
+    length = float(np.linalg.norm(tip_w - root_w))
+    share = float((position_w - root_w) @ (tip_w - root_w)) / length**2
+    blade = turbine.blade
+    chord = float(np.interp(share, blade.span, blade.chord_m))
+    if task.side in ("LE", "TE"):
+        axis = float(np.interp(share, blade.span, blade.pitch_axis))
+        return chord * (axis if task.side == "LE" else 1.0 - axis)
+    return 0.5 * chord * float(np.interp(share, blade.span, blade.thickness))
+
+
+def _vec(values: Float) -> Vec3:
+    return float(values[0]), float(values[1]), float(values[2])
+
+
+async def track(runtime: Runtime) -> None:
+    """Run the worker until cancelled."""
+    with runtime.open_bus() as bus:
+        await TrackingWorker(runtime, bus).run()
+
+
+if __name__ == "__main__":
+    run_process("tracking", track)

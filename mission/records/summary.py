@@ -1,0 +1,226 @@
+"""mission.json: what the flight reported and what was stored; in simulation the truth beside."""
+
+from __future__ import annotations
+
+import json
+import statistics
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+from config.settings import Settings
+from mission.flight.observation import RotorEstimate
+from mission.flight.report import PassReport
+from mission.records.files import (
+    CONFIG,
+    EVENTS,
+    GEOJSON,
+    MANIFEST,
+    MISSION,
+    manifest,
+    write_whole,
+)
+from mission.records.photo_metadata import PhotoRecord
+from mission.records.report import write_report
+from mission.remote.messages import FlightReport
+from perception.geometry import stop_angle_difference_deg
+from perception.rotor import blade_angles_deg
+
+SCHEMA = 1
+
+Json = dict[str, object]
+
+
+def close_folder(
+    folder: Path,
+    report: FlightReport,
+    records: Sequence[PhotoRecord],
+    lost: Sequence[str],
+    settings: Settings,
+) -> None:
+    """Write mission.json, photos.geojson, the manifest and the report of a finished mission."""
+    records = sorted(records, key=lambda record: record.photo_id)
+    mission = _mission(report, records, lost, settings)
+    write_whole(folder / MISSION, json.dumps(mission, indent=1).encode())
+    write_whole(folder / GEOJSON, json.dumps(_geojson(records)).encode())
+    write_report(folder)
+    paths = [folder / record.file for record in records]
+    paths += [path.with_suffix(".json") for path in paths]
+    paths += [path for name in (CONFIG, EVENTS, GEOJSON) if (path := folder / name).exists()]
+    write_whole(folder / MANIFEST, manifest(folder, paths).encode())
+
+
+def add_truth(folder: Path, truth: Mapping[str, object]) -> Json:
+    """Put the simulated world's truth into mission.json, render the report again, return it all."""
+    path = folder / MISSION
+    mission: Json = json.loads(path.read_text())
+    timing = dict(truth)
+    measured = timing.pop("timing", None)
+    mission["truth"] = timing
+    mission["simulated"] = True
+    flight_timing = mission["timing"]
+    if isinstance(measured, Mapping) and isinstance(flight_timing, dict):
+        # Setpoint gaps are measured by arrival at the autopilot: the field's word counts.
+        flight_timing.update(measured)
+    mission["errors"] = _errors(mission, truth)
+    write_whole(path, json.dumps(mission, indent=1).encode())
+    write_report(folder)
+    return mission
+
+
+def _errors(mission: Json, truth: Mapping[str, object]) -> Json:
+    errors: Json = {}
+    rotor = mission.get("rotor")
+    angle = truth.get("stop_angle_deg")
+    if isinstance(rotor, dict) and isinstance(angle, int | float):
+        measured = rotor["stop_angle_deg"]
+        errors["stop_angle_deg"] = stop_angle_difference_deg(measured, float(angle))
+    return errors
+
+
+def _mission(
+    message: FlightReport, records: Sequence[PhotoRecord], lost: Sequence[str], settings: Settings
+) -> Json:
+    report = message.report
+    kept = [record for record in records if record.kept]
+    planned = sum(one.planned_m for one in report.passes)
+    photographed = sum(one.photographed_m for one in report.passes)
+    clearances = [one.clearance_min_m for one in report.passes if one.clearance_min_m is not None]
+    gsds = [record.gsd_full_mm for record in kept if record.gsd_full_mm is not None]
+    exposure = settings.exposure
+    outside = [record for record in kept if record.exposure_in_range is False]
+    return {
+        "schema": SCHEMA,
+        "version": version("bladescout"),
+        "state": report.state,
+        "words": report.words,
+        "simulated": False,
+        "vehicle": settings.vehicle,
+        "site": message.site,
+        "turbine": message.turbine,
+        "operator": message.operator,
+        "rotor_locked": message.rotor_locked,
+        "started_utc": message.started_utc,
+        "ended_utc": datetime.now(UTC).isoformat(timespec="seconds"),
+        "duration_s": report.duration_s,
+        "phases": [
+            {"phase": one.phase, "from_s": one.from_s, "to_s": one.to_s} for one in report.phases
+        ],
+        "method": settings.estimation.method,
+        "rotor": None if report.rotor is None else _rotor(report.rotor, message, report.iterations),
+        "passes": [_pass(one, records) for one in report.passes],
+        "coverage": photographed / planned if planned > 0 else 0.0,
+        "clearance_m": {"min": min(clearances, default=None)},
+        "gsd_mm": statistics.median(gsds) if gsds else None,
+        "photos": {"kept": len(kept), "rejected": len(records) - len(kept), "lost": len(lost)},
+        "photo_list": [
+            {
+                "file": one.file,
+                "blade": one.blade,
+                "side": one.side,
+                "metre": one.metre,
+                "kept": one.kept,
+                "reason": one.reason,
+                "mean_grey": one.mean_grey,
+            }
+            for one in records
+        ],
+        "exposure": {
+            "method": exposure.method,
+            "range": [exposure.min_grey, exposure.max_grey],
+            "frames": message.frames,
+            "frames_out_of_range": message.frames_out_of_range,
+            "stills": len(kept),
+            "stills_out_of_range": len(outside),
+        },
+        "timing": {
+            "real_time_factor": message.real_time_factor,
+            "setpoint_gap_ms": None,
+            "tick_gap_ms": message.tick_gap_ms,
+        },
+        "faults": [
+            {"mission_s": one.t_s, "event": one.name, "text": one.text}
+            for one in report.events
+            if one.severity >= 1
+        ],
+        "lost": list(lost),
+    }
+
+
+def _rotor(rotor: RotorEstimate, message: FlightReport, iterations: int) -> Json:
+    angles = blade_angles_deg(rotor.stop_angle_deg)
+    hub = [h - t for h, t in zip(rotor.hub_w, message.tower_foot_w, strict=True)]
+    return {
+        "stop_angle_deg": rotor.stop_angle_deg,
+        "sigma_deg": rotor.sigma_deg,
+        "reference": rotor.reference,
+        "hub_m": hub,
+        "normal": list(rotor.normal_w),
+        "cone_deg": rotor.cone_deg,
+        "blades": [
+            {
+                "name": blade.name,
+                "angle_deg": angle,
+                "direction": list(blade.direction_w),
+                "pitch_deg": blade.pitch_deg,
+            }
+            for blade, angle in zip(
+                sorted(rotor.blades, key=lambda blade: blade.name), angles, strict=True
+            )
+        ],
+        "method": rotor.method,
+        "iterations": iterations,
+        "refusal": None,
+    }
+
+
+def _pass(one: PassReport, records: Sequence[PhotoRecord]) -> Json:
+    mine = [r for r in records if (r.blade, r.side) == (one.blade, one.side)]
+    gsds = [r.gsd_full_mm for r in mine if r.kept and r.gsd_full_mm is not None]
+    reachable = one.length_m - sum(gap.to_m - gap.from_m for gap in one.unseen)
+    return {
+        "blade": one.blade,
+        "side": one.side,
+        "length_m": one.length_m,
+        "planned_m": one.planned_m,
+        "coverage": min(1.0, one.photographed_m / one.length_m) if one.length_m > 0 else 0.0,
+        "coverage_reachable": min(1.0, one.photographed_m / reachable) if reachable > 0 else 0.0,
+        "photographed_m": [list(stretch) for stretch in one.stretches],
+        "distance_m": {
+            "mean": one.distance_mean_m,
+            "rms_error": one.distance_rms_error_m,
+            "min": one.distance_min_m,
+        },
+        "clearance_m": {"min": one.clearance_min_m},
+        "gsd_mm": statistics.median(gsds) if gsds else None,
+        "photos": one.photos,
+        "rejected": one.rejected,
+        "unseen": [
+            {"from_m": gap.from_m, "to_m": gap.to_m, "reason": gap.reason} for gap in one.unseen
+        ],
+        "skipped": one.skipped,
+    }
+
+
+def _geojson(records: Sequence[PhotoRecord]) -> Json:
+    features: list[Json] = [
+        {
+            "type": "Feature",
+            "geometry": {
+                "type": "Point",
+                "coordinates": [record.longitude_deg, record.latitude_deg, record.altitude_m],
+            },
+            "properties": {
+                "file": record.file,
+                "blade": record.blade,
+                "side": record.side,
+                "metre": record.metre,
+                "utc": record.utc,
+                "kept": record.kept,
+            },
+        }
+        for record in records
+        if record.latitude_deg is not None and record.longitude_deg is not None
+    ]
+    return {"type": "FeatureCollection", "features": features}
