@@ -21,8 +21,6 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Self
 
-from mavsdk import MavsdkError
-
 from config.links import Autopilot
 from drivers.autopilot_errors import AutopilotError, BadSetpoint, Refused
 from drivers.autopilot_parameters import Parameters
@@ -46,6 +44,8 @@ _MODES: dict[str, tuple[float, ...]] = {
     "land": (_CUSTOM_MODE, 4.0, 6.0),
 }
 
+#: Wall seconds without a heartbeat (1 Hz by the protocol) after which the link counts as lost.
+_SILENT_S = 3.5
 _WARNING = 4
 #: The autopilot's reason follows its refusal.
 _REASON_S = 0.1
@@ -106,8 +106,9 @@ class AutopilotLink:
 
     @property
     def connected(self) -> bool:
-        """Heartbeats arrive."""
-        return self._wire is not None and self._wire.connected
+        """The autopilot's heartbeats arrive."""
+        silent_s = self._clock.now_s() - self._state.heartbeat_stamp_s
+        return silent_s <= _SILENT_S * max(1.0, self._clock.factor())
 
     def vehicle(self) -> VehicleReading | None:
         """Return the newest of everything that the vehicle reported."""
@@ -197,10 +198,11 @@ class AutopilotLink:
             if silent and self.connected:
                 try:
                     await self._ask_rates()
-                except (AutopilotError, MavsdkError) as error:
+                    silent = False
+                except AutopilotError as error:
                     _log.debug("message rates: %s", error)
-            await asyncio.sleep(1.0)
-            silent = not self.connected
+            await asyncio.sleep(0.25)
+            silent = silent or not self.connected
 
     async def _ask_rates(self) -> None:
         fast = self._settings.position_rate_hz

@@ -14,6 +14,7 @@ import json
 import logging
 import math
 import socket
+import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -127,7 +128,9 @@ def check_url(url: str) -> None:
 class Wire:
     """One MAVSDK instance; sends to, and hears from, one system id only."""
 
-    def __init__(self, mavsdk: Mavsdk, system: System, system_id: int) -> None:
+    def __init__(
+        self, mavsdk: Mavsdk, system: System, system_id: int, folders_before: frozenset[Path]
+    ) -> None:
         self._mavsdk = mavsdk
         self._system = system
         self._direct = MavlinkDirect(system)
@@ -137,6 +140,7 @@ class Wire:
         self._calls = ThreadPoolExecutor(2, thread_name_prefix="mavsdk-call")
         self._running: set[asyncio.Future[Any]] = set()
         self._closed = False
+        self._folders_before = folders_before
         self.listen("COMMAND_ACK", self._take_ack)
 
     @classmethod
@@ -145,6 +149,7 @@ class Wire:
         for url in urls:
             check_url(url)
         log_subscribe(_take_log)
+        folders = _metadata_folders()
         mavsdk = Mavsdk(Configuration.create_manual(OWN_SYSTEM, OWN_COMPONENT, True))
         loop = asyncio.get_running_loop()
         try:
@@ -153,15 +158,12 @@ class Wire:
                     await loop.run_in_executor(None, mavsdk.add_any_connection_with_handle, url)
                 except (MavsdkError, ConnectionError) as error:
                     raise LinkFailed(f"{url}: {error}") from error
-            return cls(mavsdk, await _find(mavsdk, urls[0], system_id, timeout_s), system_id)
+            system = await _find(mavsdk, urls[0], system_id, timeout_s)
         except BaseException:
             mavsdk.destroy()
+            _remove_new(folders)
             raise
-
-    @property
-    def connected(self) -> bool:
-        """Heartbeats arrive (turns false some 3 s after the last one)."""
-        return not self._closed and bool(self._system.is_connected())
+        return cls(mavsdk, system, system_id, folders)
 
     def listen(self, name: str, listener: Listener, component_id: int | None = None) -> None:
         """Call ``listener``, on MAVSDK's thread, with every message of that name from our system.
@@ -292,6 +294,18 @@ class Wire:
             await asyncio.wait(self._running)
         self._calls.shutdown(wait=False)
         await self._loop.run_in_executor(None, self._mavsdk.destroy)
+        _remove_new(self._folders_before)
+
+
+def _metadata_folders() -> frozenset[Path]:
+    return frozenset(Path(tempfile.gettempdir()).glob("mavsdk-component-metadata-*"))
+
+
+def _remove_new(before: frozenset[Path]) -> None:
+    """Remove the empty folder that MAVSDK leaves behind at each start."""
+    for folder in _metadata_folders() - before:
+        with contextlib.suppress(OSError):
+            folder.rmdir()
 
 
 async def _find(mavsdk: Mavsdk, url: str, system_id: int, timeout_s: float) -> System:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from config.sensors import Camera
 from drivers.autopilot_errors import LinkFailed, Refused
 from drivers.autopilot_wire import Received, Wire
-from drivers.clock import Clock
+from drivers.clock import Clock, sleep_until
 from drivers.stamps import MinimumOffset
 
 _log = logging.getLogger(__name__)
@@ -69,12 +69,14 @@ class Shutter:
     ) -> None:
         self._wire = wire
         self._component = settings.component_id
+        self._interval_s = settings.min_interval_s
+        self._asked_s = float("-inf")
         self._clock = clock
         self._on_taken, self._on_failed = on_taken, on_failed
         self._loop = asyncio.get_running_loop()
         self._queue: deque[int] = deque()
         self._wake = asyncio.Event()
-        self._stamps = MinimumOffset(window_s=30.0)
+        self._stamps = MinimumOffset(window_s=30.0, jump_s=60.0)
         self._captured: asyncio.Future[_Captured] | None = None
         self._last_index = -1
         self._sequence = 0
@@ -122,10 +124,12 @@ class Shutter:
         self._on_taken(photo)
 
     async def _capture(self, photo_id: int) -> PhotoTaken:
+        # A camera that is asked too soon refuses.
+        await sleep_until(self._clock, self._asked_s + self._interval_s)
         self._sequence += 1
         expected = self._last_index + 1
         self._captured = self._loop.create_future()
-        asked_s = self._clock.now_s()
+        self._asked_s = asked_s = self._clock.now_s()
         try:
             await self._wire.command(
                 "photo",

@@ -9,6 +9,7 @@ cameras clamp and round: the report is theirs, never the wish.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import math
 from collections.abc import Callable
@@ -21,15 +22,19 @@ from drivers.clock import Clock
 _log = logging.getLogger(__name__)
 
 _EV, _MODE, _SHUTTER = "CAM_EV", "CAM_EXPMODE", "CAM_SHUTTER"
+_EV_MIN, _EV_MAX, _EV_STEP = "CAM_EV_MIN", "CAM_EV_MAX", "CAM_EV_STEP"
 _MANUAL = 1.0
 _RETRY_S = 2.0
+_LOOK_S = 0.2
+_SILENCES = 3
 _SAME_EV = 0.02
 
 
 class ExposureControl:
     """Applies the newest EV asked for; wishes that were overtaken are never sent.
 
-    ``step_ev``: the steps to snap to, within -3 to +3 unless the camera shows other limits.
+    ``step_ev``: the steps to snap to, within -3 to +3, unless the camera tells (`CAM_EV_MIN`,
+    `CAM_EV_MAX`, `CAM_EV_STEP`) or shows other ones.
     ``online`` says whether the camera is there to be asked.
     """
 
@@ -45,7 +50,9 @@ class ExposureControl:
         self._clock = clock
         self._online = online
         self._wanted: float | None = None
+        self._tried: float | None = None
         self._silences = 0
+        self._heard = False
         self._wake = asyncio.Event()
         self.step_ev = step_ev
         self.min_ev = -3.0
@@ -64,8 +71,11 @@ class ExposureControl:
 
     def want(self, ev: float) -> None:
         """Ask for an EV; it is snapped to the camera's steps."""
-        if math.isfinite(ev):
-            self._wanted = self.snap(ev)
+        if not math.isfinite(ev):
+            return
+        snapped = self.snap(ev)
+        if snapped != self._wanted:
+            self._wanted = snapped
             self._wake.set()
 
     def snap(self, ev: float) -> float:
@@ -74,44 +84,56 @@ class ExposureControl:
         return max(self.min_ev, min(self.max_ev, nearest))
 
     async def run(self) -> None:
-        """Learn what the camera has, then apply wishes until cancelled."""
-        while not self.known:
-            try:
-                if self._online():
-                    await self._learn()
-            except LinkFailed as error:
-                _log.debug("exposure: %s", error)
-            if not self.known:
-                await asyncio.sleep(0.2)
-        if self.ev is None:
-            return
+        """Learn what the camera has, then apply wishes until cancelled.
+
+        A camera that went away and came back has forgotten its mode: it is asked and told anew.
+        """
         while True:
-            await self._wake.wait()
-            self._wake.clear()
-            wanted = self._wanted
-            if wanted is None or (self.ev is not None and abs(wanted - self.ev) < _SAME_EV):
-                continue
+            online = self._online()
             try:
-                await self._apply(wanted)
+                if online and not self.known:
+                    await self._learn()
+                elif not online and self._heard:
+                    self.known, self._silences = False, 0
+                if online and self.known:
+                    await self._apply_newest()
             except (Refused, LinkFailed) as error:
                 self.refusals += 1
                 if self.refusals == 1:
                     _log.warning("exposure: %s", error)
                 await asyncio.sleep(_RETRY_S if self.refusals > 1 else 0.0)
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._wake.wait(), _LOOK_S)
+            self._wake.clear()
+
+    async def _apply_newest(self) -> None:
+        wanted = self._wanted
+        if self.ev is None or wanted is None or wanted == self._tried:
+            return
+        self._tried = wanted
+        if abs(wanted - self.ev) >= _SAME_EV:
+            await self._apply(wanted)
 
     async def _learn(self) -> None:
         values = await self._parameters.read((_EV, _MODE, _SHUTTER))
         if not values:
             # No answer at all is not yet a camera without control; it is asked again.
             self._silences += 1
-            self.known = self._silences >= 3
+            self.known = self._silences >= _SILENCES
             return
+        self._heard = True
+        self._tried = None
         if _MODE in values and values[_MODE] != _MANUAL:
             try:
                 await self._parameters.set(_MODE, _MANUAL)
                 values[_MODE] = _MANUAL
             except Refused as error:
                 _log.info("exposure stays automatic, EV biases it: %s", error)
+        limits = await self._parameters.read((_EV_MIN, _EV_MAX, _EV_STEP))
+        self.min_ev = limits.get(_EV_MIN, self.min_ev)
+        self.max_ev = limits.get(_EV_MAX, self.max_ev)
+        if limits.get(_EV_STEP, 0.0) > 0:
+            self.step_ev = limits[_EV_STEP]
         self.manual = values.get(_MODE) == _MANUAL
         self.ev = values.get(_EV)
         self.shutter_s = values.get(_SHUTTER)
@@ -131,8 +153,8 @@ class ExposureControl:
         self.refusals += 1
         if self.refusals == 1:
             _log.warning("exposure: the camera applied EV %+.2f for %+.2f", applied, wanted)
-        # A camera that clamps has shown its limit.
-        if applied < wanted and applied > self.min_ev and wanted == self.max_ev:
+        # A camera that clamps has shown its limit; one that rounds, only its steps.
+        if applied < wanted - self.step_ev and applied > self.min_ev:
             self.max_ev = applied
-        elif applied > wanted and applied < self.max_ev and wanted == self.min_ev:
+        elif applied > wanted + self.step_ev and applied < self.max_ev:
             self.min_ev = applied

@@ -2,7 +2,7 @@
 
 The gimbal manager is found by its information message, on the autopilot (PX4) or on the payload
 itself. Aims are unacknowledged messages, so that they can leave from the tick; control is taken
-by command, and taken again when it is lost to nobody.
+by command, and taken again when nobody has it; a person who took it keeps it.
 """
 
 from __future__ import annotations
@@ -31,6 +31,8 @@ _LOCK_ROLL_PITCH_YAW = 4 | 8 | 16
 _YAW_LOCK, _YAW_IN_VEHICLE_FRAME, _YAW_IN_EARTH_FRAME = 16, 32, 64
 _ATTITUDE_RATE_HZ = 30.0
 _UNCHANGED = -1.0
+_OURSELVES = (OWN_SYSTEM, OWN_COMPONENT)
+_NOBODY = (0, 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +68,7 @@ class GimbalLink:
         self._vehicle_yaw = vehicle_yaw
         self._manager: int | None = None
         self._device = settings.component_id
-        self._in_control = False
+        self._owner: tuple[int, int] | None = None
         self._reading: GimbalReading | None = None
         self._stamps = MinimumOffset(window_s=5.0)
         wire.listen("GIMBAL_MANAGER_INFORMATION", self._take_information)
@@ -83,6 +85,10 @@ class GimbalLink:
         if self._reading is None:
             return None
         return replace(self._reading, in_control=self._in_control)
+
+    @property
+    def _in_control(self) -> bool:
+        return self._owner == _OURSELVES
 
     def aim(self, yaw_rad: float, pitch_rad: float) -> bool:
         """Point the optical axis to ENU yaw and pitch, now, on this thread.
@@ -115,7 +121,7 @@ class GimbalLink:
             try:
                 if self._manager is None:
                     await self._look_for_manager()
-                elif not self._in_control:
+                elif not self._in_control and self._owner in (None, _NOBODY):
                     await self._take_control(self._manager)
                 if self._manager is not None and not asked_rate:
                     asked_rate = True
@@ -153,7 +159,7 @@ class GimbalLink:
             ),
             manager,
         )
-        self._in_control = True
+        self._owner = _OURSELVES
 
     async def _ask(self, component: int, message: int) -> None:
         await self._wire.command(
@@ -173,9 +179,9 @@ class GimbalLink:
     def _take_status(self, message: Received) -> None:
         if message.component_id != self._manager:
             return
-        self._in_control = (
-            message.integer("primary_control_sysid") == OWN_SYSTEM
-            and message.integer("primary_control_compid") == OWN_COMPONENT
+        self._owner = (
+            message.integer("primary_control_sysid"),
+            message.integer("primary_control_compid"),
         )
 
     def _take_attitude(self, message: Received) -> None:
