@@ -259,3 +259,5 @@ class Observation:
     late_s: float = 0.0
     """How late this tick is; the shell drops setpoints of late ticks."""
     notes: tuple[str, ...] = field(default=())
+    guard_refused: str = ""
+    """Why the guard replaced the setpoint of the tick before; empty: it did not."""

@@ -160,7 +160,7 @@ def plan_side(
     if frame.pitch_rad is None:
         reason = "the blade's pitch is not known, so neither are its sides"
         return SidePass(frame.name, side, (), (Unseen(0.0, length, reason),), 0.0, length)
-    grid = np.linspace(0.0, length, math.ceil(length) + 1)
+    grid: Float = np.linspace(0.0, length, math.ceil(length) + 1, dtype=np.float64)
     straight = side_view(frame, side, turbine)
     turns = [t for t in (0, 15, -15, 30, -30, 45, -45, 60, -60)
              if abs(t) <= settings.tracking.max_view_turn_deg]  # fmt: skip
@@ -208,7 +208,9 @@ def _views(
 ) -> list[_View]:
     """Judge every view at every distance and metre."""
     tracking = settings.tracking
-    distances = np.arange(tracking.distance_m, tracking.max_distance_m + 1e-6, 1.0)
+    distances: Float = np.arange(
+        tracking.distance_m, tracking.max_distance_m + 1e-6, 1.0, dtype=np.float64
+    )
     angles = [(turn, slant) for slant in slants for turn in turns]
     views = [
         math.cos(math.radians(slant)) * turned(straight_w, frame.axis_w, math.radians(turn))
@@ -251,7 +253,7 @@ def _gimbal_sees(view_w: Float, settings: Settings) -> bool:
 
 def _profile(clear: Mask, distances: Float) -> Float:
     """Return the least clear distance (M,) per metre, its slope bounded; NaN where none."""
-    reachable = clear.any(axis=0)
+    reachable: Mask = np.asarray(clear.any(axis=0))
     least = np.where(reachable, distances[clear.argmax(axis=0)], np.nan)
     profile = least.copy()
     for a, b in _runs(reachable):

@@ -56,7 +56,8 @@ def plan_steps(
         raise RuntimeError("the roadmap was not finished")
     legs = [leg for side_pass in passes for leg in side_pass.legs]
     costs: Float | None = None
-    for costs in _cost_steps(roadmap, legs, from_w):
+    for found in _cost_steps(roadmap, legs, from_w):
+        costs = found
         yield None
     order = _order(costs, len(legs)) if costs is not None else []
     flown = tuple(legs[leg] if forward else legs[leg].reversed() for leg, forward in order)

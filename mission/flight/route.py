@@ -52,7 +52,8 @@ class Roadmap:
         points = starts[:, None, :] + share[None, :, None] * (ends - starts)[:, None, :]
         distance = self.model.distance(points.reshape(-1, 3)) - self.airframe_radius_m
         clear: NDArray[np.bool_] = distance.reshape(len(starts), count).min(axis=1) >= clearance_m
-        return clear & (points[:, :, 2].min(axis=1) >= self.ground_m)
+        above: NDArray[np.bool_] = points[:, :, 2].min(axis=1) >= self.ground_m
+        return clear & above
 
     def clearance_at(self, points: Float) -> Float:
         """Return the clearance (K,) that a way may have at its end: never more than is there."""
@@ -73,6 +74,7 @@ class Roadmap:
 
     def _through(self, from_w: Float, to_w: Float | None, floor: Float) -> Float | None:
         count = len(self.nodes)
+        target = from_w if to_w is None else to_w[0]
         begin, begin_m = self.attach(from_w, float(floor[0]))
         rows = [self.starts, np.full(len(begin), count)]
         columns = [self.ends, begin]
@@ -86,7 +88,10 @@ class Roadmap:
             (np.concatenate(lengths), (np.concatenate(rows), np.concatenate(columns))),
             shape=(count + 2, count + 2),
         )
-        distance, before = dijkstra(graph, False, count, return_predecessors=True)
+        found, paths = dijkstra(
+            graph, directed=False, indices=np.array([count]), return_predecessors=True
+        )
+        distance, before = found[0], paths[0]
         goal = count + 1
         if to_w is None:
             exits = np.flatnonzero(self.outside)
@@ -98,9 +103,8 @@ class Roadmap:
         chain = [goal]
         while chain[-1] != count:
             chain.append(int(before[chain[-1]]))
-        places = [self.nodes[i] if i < count else (from_w if i == count else to_w[0])
-                  for i in reversed(chain)
-                  if i <= count or to_w is not None]  # fmt: skip
+        ends = {count: from_w, count + 1: target}
+        places = [ends[i] if i in ends else self.nodes[i] for i in reversed(chain)]
         return self._shortened(np.stack(places), floor)
 
     def attach(self, point_w: Float, floor_m: float) -> tuple[NDArray[np.intp], Float]:

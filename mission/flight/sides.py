@@ -55,12 +55,12 @@ def blade_frame(
     turbine: Turbine,
 ) -> BladeFrame:
     """Return the frame of a blade from the measured rotor. Vectors (3,), ``normal_w`` downwind."""
-    axis = direction_w / np.linalg.norm(direction_w)
-    clockwise = np.cross(normal_w, axis)
+    axis: Float = direction_w / float(np.linalg.norm(direction_w))
+    clockwise: Float = np.asarray(np.cross(normal_w, axis), np.float64)
     rotation = clockwise if turbine.rotation == "clockwise" else -clockwise
-    rotation = rotation / np.linalg.norm(rotation)
-    upwind = -normal_w + (normal_w @ axis) * axis
-    upwind = upwind / np.linalg.norm(upwind)
+    rotation = rotation / float(np.linalg.norm(rotation))
+    upwind = -normal_w + float(normal_w @ axis) * axis
+    upwind = upwind / float(np.linalg.norm(upwind))
     pitch_rad = None if pitch_deg is None else math.radians(pitch_deg)
     root = hub_w + turbine.hub_radius_m * axis
     return BladeFrame(name, root, axis, rotation, upwind, pitch_rad, turbine.blade_length_m)

@@ -1,0 +1,304 @@
+"""What the mission remembers between ticks, and what a phase decides: shared by all phases."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from config.settings import Settings
+from config.turbine import Site, Turbine
+from mission.flight.command import (
+    Action,
+    GimbalAim,
+    MissionState,
+    Phase,
+    PhotoCommand,
+    SensingMode,
+    SensingTask,
+    Setpoint,
+)
+from mission.flight.events import Event, EventRecord, Reaction
+from mission.flight.guard import Airspace
+from mission.flight.ledger import Ledger
+from mission.flight.observation import Observation, Request, RotorEstimate, Vec3, Vehicle
+from mission.flight.plan import Plan
+from mission.flight.rotor_model import RotorModel
+from mission.flight.trajectory import Follower, Path
+from perception.values import Float
+
+#: Kept outside the closed sphere, for the vehicle's own wander.
+SPHERE_MARGIN_M = 3.0
+CORRIDOR_STEP_M = 1.5
+
+
+@dataclass(frozen=True, slots=True)
+class Intent:
+    """What a phase wants done at a tick."""
+
+    words: str
+    setpoint: Setpoint | None = None
+    action: Action | None = None
+    gimbal: GimbalAim | None = None
+    ev: float | None = None
+    photo: PhotoCommand | None = None
+    takeoff_height_m: float | None = None
+    then: PhaseStep | None = None
+    """The phase of the next tick; None: this one goes on."""
+    metre: float | None = None
+    distance_m: float | None = None
+
+
+class PhaseStep(Protocol):
+    """A phase: decides a tick, and finds its way again after an interruption."""
+
+    @property
+    def phase(self) -> Phase:
+        """The phase shown to the operator."""
+        ...
+
+    def step(self, flight: Flight, /) -> Intent:
+        """Decide one tick."""
+        ...
+
+    def resume(self, flight: Flight, /) -> None:
+        """Go on after a hold, from wherever the vehicle is."""
+        ...
+
+
+class Flight:
+    """The mission's memory. Phases read and write it; nothing in it does I/O."""
+
+    def __init__(self, settings: Settings, site: Site, turbine: Turbine) -> None:
+        self.settings = settings
+        self.site = site
+        self.turbine = turbine
+        self.follower = Follower(settings.airframe, settings.guard.max_lead_m)
+        self.observation = Observation(now_s=0.0, tick=-1)
+        self.dt_s = 0.05
+        self.request: Request | None = None
+        self.home_w: Vec3 | None = None
+        self.state = MissionState.IDLE
+        self.outcome: MissionState | None = None
+        """How the mission will have ended once it is landed; None: completed."""
+        self.outcome_words = ""
+        self.engaged = False
+        """The autopilot was seen in OFFBOARD at our asking, and we have not left it."""
+        self.engaged_s = math.inf
+        self.rotor: RotorEstimate | None = None
+        self.model: RotorModel | None = None
+        self.plan: Plan | None = None
+        self.iterations = 0
+        self.leg_index = 0
+        self.ledger = Ledger()
+        self.task = SensingTask(SensingMode.IDLE, 0)
+        self.records: list[EventRecord] = []
+        self.raised: set[Event] = set()
+        """Events that a phase found itself; the watch reads them."""
+        self.rotor_open = False
+        self.corridor_w: Float = np.zeros((0, 3))
+        self._lines: list[Float] = []
+
+    @property
+    def now_s(self) -> float:
+        """Mission time of this tick."""
+        return self.observation.now_s
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """The vehicle; phases that fly are stepped only while it is known."""
+        if self.observation.vehicle is None:
+            raise RuntimeError("a flying phase was stepped without a vehicle")
+        return self.observation.vehicle
+
+    @property
+    def here_w(self) -> Float:
+        """Position (3,) of the vehicle."""
+        return np.array(self.vehicle.position_w)
+
+    def note(self, name: str, text: str, severity: Reaction = Reaction.NONE) -> None:
+        """Write a line into the event log."""
+        self.records.append(EventRecord(self.now_s, name, severity, text))
+
+    # --- where the turbine is -------------------------------------------------------------
+
+    @property
+    def tower_w(self) -> Float:
+        """(3,) the tower's base: as found, else as told."""
+        home = np.zeros(3) if self.home_w is None else np.array(self.home_w)
+        site = self.site
+        told: Float = home + np.array([site.tower_east_m, site.tower_north_m, site.tower_up_m])
+        prior = self.observation.hub_prior
+        if prior is None:
+            return told
+        axis = np.array(prior.tower_axis_w)
+        found = np.array(prior.tower_w)
+        base: Float = found + axis * ((told[2] - found[2]) / axis[2])
+        return base
+
+    @property
+    def tower_known(self) -> bool:
+        """Whether the tower has been seen."""
+        return self.observation.hub_prior is not None
+
+    @property
+    def hub_w(self) -> Float:
+        """(3,) hub as measured; else as found in the ascent; else above the told tower."""
+        if self.rotor is not None:
+            return np.array(self.rotor.hub_w)
+        prior = self.observation.hub_prior
+        if prior is not None and prior.hub_w is not None:
+            return np.array(prior.hub_w)
+        return self.tower_w + np.array([0.0, 0.0, self.turbine.hub_height_m])
+
+    @property
+    def normal_w(self) -> Float | None:
+        """(3,) unit, downwind, as far as it is known."""
+        if self.rotor is not None:
+            return np.array(self.rotor.normal_w)
+        prior = self.observation.hub_prior
+        return None if prior is None or prior.normal_w is None else np.array(prior.normal_w)
+
+    @property
+    def sphere_radius_m(self) -> float:
+        """Radius of the closed sphere round the prior hub."""
+        return self.turbine.rotor_radius_m + self.settings.guard.closed_sphere_margin_m
+
+    @property
+    def clear_radius_m(self) -> float:
+        """Radius round the hub at which one flies outside the sphere."""
+        sigma = 1.0
+        if not self.tower_known:
+            sigma = self.site.position_sigma_m
+        elif self.observation.hub_prior is not None and self.rotor is None:
+            sigma = min(max(self.observation.hub_prior.sigma_m, 0.5), 5.0)
+        return self.sphere_radius_m + SPHERE_MARGIN_M + sigma
+
+    @property
+    def ground_m(self) -> float:
+        """Height (z) of the ground at the turbine."""
+        return float(self.tower_w[2])
+
+    def airspace(self) -> Airspace:
+        """Return what the guard has to know."""
+        started = self.home_w is not None
+        return Airspace(
+            sphere_w=self.hub_w if started else None,
+            sphere_radius_m=self.sphere_radius_m,
+            open=self.rotor_open,
+            model=self.model,
+            corridor_w=self.corridor_w,
+            home_w=self.home_w,
+        )
+
+    def open_corridor(self, lines: Sequence[Float]) -> None:
+        """Open the lines (K, 3) of a plan, and those flown from now on."""
+        self._lines = [_dense(line) for line in lines]
+        self.corridor_w = np.concatenate(self._lines) if self._lines else np.zeros((0, 3))
+
+    # --- moving ---------------------------------------------------------------------------
+
+    def go(self, points_w: Sequence[Float] | Float, speed_mps: float | Float) -> None:
+        """Follow a polyline from where the vehicle is; it is opened as a corridor.
+
+        ``speed_mps``: one cap, or one for each of the points.
+        """
+        points = np.concatenate([self.here_w[None], np.atleast_2d(np.asarray(points_w))])
+        caps = np.atleast_1d(np.asarray(speed_mps, float))
+        if len(caps) > 1:
+            caps = np.concatenate([caps[:1], caps])
+        caps = np.broadcast_to(caps, (len(points),))
+        self.follower.start(Path(points, caps, self.settings.airframe))
+        self.corridor_w = np.concatenate([*self._lines, _dense(points)])
+
+    def follow(self, yaw_rad: float, slow: float = 1.0, shift_w: Float | None = None) -> Setpoint:
+        """Return the next setpoint along the path that `go` began."""
+        scan_rate = self._scan_rate_hz()
+        # Travel per scan stays below 0.2 m near the turbine, whatever the scan rate.
+        if scan_rate < 10.0 and self.model is not None:
+            slow *= max(0.2, scan_rate / 10.0)
+        return self.follower.follow(
+            self.vehicle.position_w, yaw_rad, self.dt_s, slow=slow, shift_w=shift_w
+        )
+
+    def hold(self, yaw_rad: float | None = None) -> Setpoint:
+        """Return a setpoint that stays here."""
+        yaw = self.vehicle.yaw_rad if yaw_rad is None else yaw_rad
+        return self.follower.hold(self.vehicle.position_w, yaw, self.dt_s)
+
+    def arrived(self, within_m: float = 0.6) -> bool:
+        """Return whether the vehicle is at the end of its path."""
+        return self.follower.arrived(self.vehicle.position_w, within_m)
+
+    def yaw_to(self, place_w: Float) -> float:
+        """Return the yaw that faces a place; the present one where it is straight above."""
+        offset = place_w - self.here_w
+        if math.hypot(offset[0], offset[1]) < 1.0:
+            return self.vehicle.yaw_rad
+        return math.atan2(offset[1], offset[0])
+
+    def aim_at(self, place_w: Float) -> GimbalAim:
+        """Return the gimbal angles that point the camera at a place."""
+        x, y, z = self.settings.camera.offset_m
+        yaw = self.vehicle.yaw_rad
+        cosine, sine = math.cos(yaw), math.sin(yaw)
+        position = self.vehicle.position_w
+        dx = float(place_w[0]) - position[0] - (cosine * x - sine * y)
+        dy = float(place_w[1]) - position[1] - (sine * x + cosine * y)
+        dz = float(place_w[2]) - position[2] - z
+        flat = math.hypot(dx, dy)
+        yaw = math.atan2(dy, dx) if flat > 0.5 else yaw
+        pitch = math.degrees(math.atan2(dz, flat))
+        gimbal = self.settings.gimbal
+        pitch = min(max(pitch, gimbal.min_pitch_deg), gimbal.max_pitch_deg)
+        return GimbalAim(yaw, math.radians(pitch))
+
+    def _scan_rate_hz(self) -> float:
+        clearance = self.observation.clearance
+        return 10.0 if clearance is None else clearance.scan_rate_hz
+
+    # --- sensing --------------------------------------------------------------------------
+
+    def sense(self, mode: SensingMode, *, new: bool = False) -> None:
+        """Set what sensing computes; ``new`` clears what it has accumulated."""
+        if mode is self.task.mode and not new:
+            return
+        normal = self.normal_w
+        self.task = SensingTask(
+            mode=mode,
+            task_id=self.task.task_id + 1,
+            tower_w=_vec(self.tower_w),
+            hub_w=_vec(self.hub_w),
+            normal_w=None if normal is None else _vec(normal),
+            turbine=self.site.name,
+        )
+
+    def sense_blade(self, blade: str, root_w: Float, tip_w: Float, half_width_m: float) -> None:
+        """Let sensing find the blade near its modelled axis."""
+        self.task = SensingTask(
+            mode=SensingMode.BLADE,
+            task_id=self.task.task_id + 1,
+            tower_w=_vec(self.tower_w),
+            hub_w=_vec(self.hub_w),
+            normal_w=None if self.rotor is None else self.rotor.normal_w,
+            turbine=self.site.name,
+            blade=blade,
+            blade_root_w=_vec(root_w),
+            blade_tip_w=_vec(tip_w),
+            half_width_m=half_width_m,
+        )
+
+
+def _dense(line: Float) -> Float:
+    """Return a polyline resampled about every metre and a half."""
+    pieces = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    at = np.concatenate([[0.0], np.cumsum(pieces)])
+    even = np.linspace(0.0, at[-1], max(2, math.ceil(at[-1] / CORRIDOR_STEP_M) + 1))
+    return np.stack([np.interp(even, at, line[:, k]) for k in range(3)], axis=1)
+
+
+def _vec(values: Float) -> Vec3:
+    return (float(values[0]), float(values[1]), float(values[2]))

@@ -1,0 +1,416 @@
+"""The machine: observation in, command and events out, once a tick. Pure and deterministic.
+
+It takes requests and active events, lets the worst reaction win, and else lets the phase decide.
+It knows no clock but ``observation.now_s`` and does no I/O: the same observations give the same
+commands, which is what a replay checks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from config.settings import Settings
+from config.turbine import Site, Turbine
+from mission.flight.command import Action, Command, MissionState, Phase, Progress
+from mission.flight.events import POLICY, Event, EventRecord, Reaction, arbitrate, worst
+from mission.flight.flight import Flight, Intent, PhaseStep
+from mission.flight.guard import Airspace
+from mission.flight.ledger import PhotoStatus
+from mission.flight.observation import FlightMode, Observation, Request, RequestKind
+from mission.flight.phases.approach import Approach
+from mission.flight.phases.hold import Hold, Idle, Released
+from mission.flight.phases.home import Home
+from mission.flight.phases.landed import Landed
+from mission.flight.phases.leave import StandOff
+from mission.flight.phases.preflight import Preflight
+from mission.flight.phases.takeoff import Engage, Takeoff
+from mission.flight.phases.track import Track
+from mission.flight.report import MissionReport, PhaseTime
+from mission.flight.watch import Watch
+
+LEAVING = (StandOff, Home, Landed, Released)
+ON_THE_GROUND = (Idle, Preflight, Landed)
+#: Holds that also stop a return: without a trusted position nothing is flown.
+HOLDS_EVERYWHERE = frozenset({Event.LINK_SILENT, Event.POSITION_STALE, Event.POSITION_JUMP})
+EV_AGAIN_S = 2.0
+#: How the mission ends for an event that sends it home; else ENDED_SAFELY.
+OUTCOME = {
+    Event.ROTOR_TURNING: MissionState.REFUSED,
+    Event.OFFBOARD_REFUSED: MissionState.REFUSED,
+    Event.LINK_LOST: MissionState.FAILED,
+}
+
+
+class Machine:
+    """One mission on one turbine."""
+
+    def __init__(self, settings: Settings, site: Site, turbine: Turbine) -> None:
+        self._flight = Flight(settings, site, turbine)
+        self._phase: PhaseStep = Idle()
+        self._watch = Watch()
+        self._active: set[Event] = set()
+        self._times: list[PhaseTime] = []
+        self._entered_s = 0.0
+        self._started_s: float | None = None
+        self._ended_s: float | None = None
+        self._events: list[EventRecord] = []
+        self._ev: tuple[float, float] | None = None
+        self._coverage = (0, 0.0)
+        self._words = "waiting for a mission"
+
+    # --- what others read -----------------------------------------------------------------
+
+    @property
+    def phase(self) -> Phase:
+        """The phase of the next tick."""
+        return self._phase.phase
+
+    @property
+    def state(self) -> MissionState:
+        """How the mission stands."""
+        return self._flight.state
+
+    def airspace(self) -> Airspace:
+        """Return what the guard has to know about the turbine and the plan."""
+        return self._flight.airspace()
+
+    def report(self) -> MissionReport:
+        """Return the mission so far."""
+        flight = self._flight
+        now = flight.now_s if self._ended_s is None else self._ended_s
+        running = PhaseTime(self._phase.phase, self._entered_s, now)
+        return MissionReport(
+            state=flight.state,
+            words=flight.outcome_words or self._words,
+            started_s=self._started_s,
+            duration_s=0.0 if self._started_s is None else now - self._started_s,
+            phases=(*self._times, running),
+            rotor=flight.rotor,
+            iterations=flight.iterations,
+            passes=tuple(book.report() for book in flight.ledger.sides.values()),
+            events=tuple(self._events),
+        )
+
+    # --- a tick ---------------------------------------------------------------------------
+
+    def step(self, observation: Observation) -> tuple[Command, tuple[EventRecord, ...]]:
+        """Decide one tick."""
+        flight = self._flight
+        gap = observation.now_s - flight.now_s
+        flight.dt_s = min(max(gap, 1e-3), 0.2) if flight.observation.tick >= 0 else 0.05
+        flight.observation = observation
+        self._photos(observation)
+        self._released_by_mode()
+        forced = self._requests(observation) or self._events_of_tick()
+        intent = forced or self._stepped()
+        if intent.then is not None:
+            self._enter(intent.then)
+        over = flight.state not in {MissionState.RUNNING, MissionState.PAUSED}
+        if over and isinstance(self._phase, Landed | Released) and self._ended_s is None:
+            self._ended_s = observation.now_s
+        self._words = intent.words
+        command = self._command(observation, intent)
+        records = tuple(flight.records)
+        flight.records.clear()
+        self._events.extend(records)
+        return command, records
+
+    def _stepped(self) -> Intent:
+        if self._flight.observation.vehicle is None and not isinstance(
+            self._phase, (Idle, Preflight, Released, Landed)
+        ):
+            return Intent("no telemetry from the vehicle")
+        return self._phase.step(self._flight)
+
+    def _enter(self, phase: PhaseStep) -> None:
+        flight, before = self._flight, self._phase
+        self._phase = phase
+        if phase.phase is before.phase:
+            return
+        now = flight.now_s
+        self._times.append(PhaseTime(before.phase, self._entered_s, now))
+        self._entered_s = now
+        flight.note("phase", phase.phase)
+
+    def _command(self, observation: Observation, intent: Intent) -> Command:
+        flight = self._flight
+        ev = self._ev_command(intent.ev, observation)
+        silent = isinstance(self._phase, Released | Idle)
+        return Command(
+            tick=observation.tick,
+            setpoint=None if silent else intent.setpoint,
+            action=intent.action,
+            gimbal=None if silent else intent.gimbal,
+            ev=None if silent else ev,
+            photo=None if silent else intent.photo,
+            sensing=flight.task,
+            progress=self._progress(intent),
+            takeoff_height_m=intent.takeoff_height_m,
+        )
+
+    def _progress(self, intent: Intent) -> Progress:
+        flight = self._flight
+        leg = None
+        if flight.plan is not None and flight.leg_index < len(flight.plan.legs):
+            leg = flight.plan.legs[flight.leg_index]
+        clearance = flight.observation.clearance
+        near = None
+        if clearance is not None and clearance.nearest_m is not None:
+            near = clearance.nearest_m - flight.settings.airframe.radius_m
+        taken = flight.ledger.taken()
+        if taken != self._coverage[0]:
+            self._coverage = (taken, flight.ledger.coverage())
+        rotor = flight.rotor
+        return Progress(
+            phase=self._phase.phase,
+            state=flight.state,
+            words=intent.words,
+            pass_index=flight.leg_index,
+            pass_count=0 if flight.plan is None else len(flight.plan.legs),
+            blade="" if leg is None else leg.blade,
+            side="" if leg is None else leg.side,
+            metre=intent.metre,
+            distance_m=intent.distance_m,
+            clearance_m=near,
+            stop_angle_deg=None if rotor is None else rotor.stop_angle_deg,
+            sigma_deg=None if rotor is None else rotor.sigma_deg,
+            photos=taken,
+            coverage=self._coverage[1],
+        )
+
+    def _ev_command(self, wanted: float | None, observation: Observation) -> float | None:
+        """Send a changed exposure once; again after a while when the camera did not take it."""
+        camera = observation.camera
+        if wanted is None or camera is None or camera.ev is None:
+            return None
+        step = camera.step_ev
+        snapped = min(max(round(wanted / step) * step, camera.min_ev), camera.max_ev)
+        now = observation.now_s
+        if self._ev is not None and abs(self._ev[0] - snapped) < step / 2:
+            taken = abs(camera.ev - snapped) < 0.75 * step
+            if taken or now - self._ev[1] < EV_AGAIN_S:
+                return None
+        self._ev = (snapped, now)
+        return snapped
+
+    # --- what arrives ---------------------------------------------------------------------
+
+    def _photos(self, observation: Observation) -> None:
+        ledger, camera = self._flight.ledger, observation.camera
+        if camera is not None:
+            ledger.settle(camera.last_photo_id, PhotoStatus.TAKEN)
+            ledger.settle(camera.failed_photo_id, PhotoStatus.FAILED)
+        for result in observation.photos:
+            if result.kept:
+                ledger.settle(result.photo_id, PhotoStatus.TAKEN)
+            elif ledger.settle(result.photo_id, PhotoStatus.REJECTED) is not None:
+                self._flight.note("photo", f"{result.photo_id} rejected: {result.reason}")
+
+    def _released_by_mode(self) -> None:
+        """Whoever leaves OFFBOARD without our asking has the vehicle from then on."""
+        flight, vehicle = self._flight, self._flight.observation.vehicle
+        if vehicle is None or isinstance(self._phase, (*ON_THE_GROUND[:2], Released)):
+            return
+        if vehicle.mode is FlightMode.UNKNOWN:
+            return
+        allowed = {FlightMode.OFFBOARD}
+        if isinstance(self._phase, Takeoff | Engage) and not flight.engaged:
+            allowed |= {FlightMode.TAKEOFF, FlightMode.HOLD}
+            if not vehicle.in_air:
+                # Before the climb the mode is still whatever it was on the ground.
+                return
+        if isinstance(self._phase, Home | Landed):
+            allowed |= {FlightMode.LAND}
+            if vehicle.landed:
+                return
+        if vehicle.mode in allowed or (flight.engaged and vehicle.mode_stamp_s < flight.engaged_s):
+            return
+        flight.raised.add(Event.PILOT_TOOK_OVER)
+
+    # --- requests -------------------------------------------------------------------------
+
+    def _requests(self, observation: Observation) -> Intent | None:
+        """Carry out what operators ask; the last that forces an intent wins."""
+        forced: Intent | None = None
+        for request in observation.requests:
+            self._flight.note("request", f"{request.kind} by {request.operator or 'unknown'}")
+            forced = self._request(request) or forced
+        return forced
+
+    def _request(self, request: Request) -> Intent | None:
+        flight, phase = self._flight, self._phase
+        if request.kind is RequestKind.START:
+            return self._start(request) if isinstance(phase, Idle) else None
+        if isinstance(phase, Idle):
+            return None
+        if request.kind is RequestKind.RESUME:
+            return self._resume()
+        if isinstance(phase, Landed | Released):
+            return None
+        if isinstance(phase, Preflight) or (isinstance(phase, Takeoff) and not self._in_air()):
+            return self._before_flight(request)
+        if request.kind is RequestKind.STOP:
+            return self._release("stopped: handed to the pilot", ask_hold=True)
+        if request.kind is RequestKind.ABORT:
+            if isinstance(phase, StandOff | Home):
+                return None
+            self._ending(MissionState.ENDED_SAFELY, "aborted by the operator")
+            return self._hold_then(StandOff(Home()), "aborted: holding, then leaving")
+        if request.kind is RequestKind.PAUSE:
+            flight.state = MissionState.PAUSED
+            if isinstance(phase, Hold):
+                phase.pause()
+                return None
+            return self._hold_then(phase, "paused by the operator", paused=True)
+        inner = phase.then if isinstance(phase, Hold) else phase
+        if isinstance(inner, Track):
+            inner.skip(flight)
+        return None
+
+    def _before_flight(self, request: Request) -> Intent | None:
+        if request.kind not in {RequestKind.STOP, RequestKind.ABORT}:
+            return None
+        self._ending(MissionState.ENDED_SAFELY, "called off before the take-off")
+        vehicle = self._flight.observation.vehicle
+        armed = vehicle is not None and vehicle.armed
+        return Intent(
+            "called off", action=Action.DISARM if armed else None, then=Landed(flown=False)
+        )
+
+    def _start(self, request: Request) -> Intent | None:
+        flight = self._flight
+        if request.site and request.site != flight.site.name:
+            flight.note("request", f"refused: this mission is for {flight.site.name}")
+            return None
+        flight.request, flight.state = request, MissionState.RUNNING
+        self._started_s = flight.now_s
+        return Intent("mission started", then=Preflight())
+
+    def _resume(self) -> Intent | None:
+        flight, phase = self._flight, self._phase
+        if isinstance(phase, Hold):
+            phase.release(flight)
+            return None
+        if isinstance(phase, Released) and phase.then is not None and self._in_air():
+            # A new request is the one way back to offboard control.
+            flight.engaged, flight.state = False, MissionState.RUNNING
+            flight.outcome, self._ended_s = None, None
+            flight.outcome_words = ""
+            return Intent("taken up again", then=Engage(phase.then))
+        return None
+
+    def _in_air(self) -> bool:
+        vehicle = self._flight.observation.vehicle
+        return vehicle is not None and vehicle.in_air
+
+    # --- events ---------------------------------------------------------------------------
+
+    def _events_of_tick(self) -> Intent | None:
+        flight, phase = self._flight, self._phase
+        if isinstance(phase, Idle | Preflight):
+            flight.raised.clear()
+            return None
+        active = self._watch.update(flight, phase.phase)
+        for new in sorted(active - self._active):
+            flight.note(new, POLICY[new].words, POLICY[new].reaction)
+        self._active = active
+        if isinstance(phase, Released | Landed):
+            if Event.PILOT_TOOK_OVER in active and isinstance(phase, Landed):
+                return self._release(POLICY[Event.PILOT_TOOK_OVER].words)
+            return None
+        reaction, event = arbitrate(active), worst(active)
+        if event is None or reaction <= Reaction.WARN:
+            return None
+        return self._react(reaction, event, active)
+
+    def _react(self, reaction: Reaction, event: Event, active: set[Event]) -> Intent | None:
+        phase, words = self._phase, POLICY[event].words
+        if reaction is Reaction.RELEASE:
+            if event is Event.LINK_LOST:
+                self._ending(MissionState.FAILED, words)
+            return self._release(words, ask_hold=event is Event.FRAME_RESET)
+        if reaction is Reaction.LAND:
+            self._ending(OUTCOME.get(event, MissionState.ENDED_SAFELY), words)
+            flown = self._in_air()
+            self._flight.engaged = False
+            return Intent(words, action=Action.LAND if flown else Action.DISARM,
+                          then=Landed(flown=flown))  # fmt: skip
+        if isinstance(phase, Takeoff | Engage):
+            return None
+        inner = phase.then if isinstance(phase, Hold) else phase
+        leaving = isinstance(inner, LEAVING)
+        if reaction is Reaction.RETURN and not self._going_home(inner):
+            self._flight.rotor_open = self._flight.rotor_open and event is not Event.ROTOR_TURNING
+            self._ending(OUTCOME.get(event, MissionState.ENDED_SAFELY), words)
+            return self._hold_now(words, StandOff(Home()))
+        if reaction is Reaction.STAND_OFF and not leaving:
+            return self._hold_now(words, self._measure_again())
+        holding = {e for e in active if POLICY[e].reaction is Reaction.HOLD}
+        if leaving:
+            holding &= HOLDS_EVERYWHERE
+        if not holding:
+            return None
+        if isinstance(phase, Hold):
+            phase.disturbed()
+            return None
+        return self._hold_then(phase, words)
+
+    def _going_home(self, phase: PhaseStep) -> bool:
+        return isinstance(phase, Home | Landed | Released) or (
+            isinstance(phase, StandOff) and isinstance(phase.then, Home)
+        )
+
+    def _measure_again(self) -> PhaseStep:
+        """Leave the rotor and measure it anew; what was photographed stays photographed."""
+        return StandOff(Remeasure())
+
+    def _hold_now(self, words: str, then: PhaseStep) -> Intent:
+        """Stop at this tick; ``then`` begins at the next."""
+        flight = self._flight
+        flight.follower.stop()
+        setpoint = flight.hold() if flight.engaged else None
+        return Intent(words, setpoint=setpoint, then=then)
+
+    def _hold_then(self, then: PhaseStep, words: str, *, paused: bool = False) -> Intent:
+        hold = Hold(then, words, paused=paused)
+        if not self._flight.engaged:
+            # The autopilot flies the take-off: there is nothing of ours to stop.
+            return Intent(words, then=hold)
+        intent = hold.step(self._flight)
+        return replace(intent, then=hold)
+
+    def _release(self, words: str, *, ask_hold: bool = False) -> Intent:
+        flight, phase = self._flight, self._phase
+        inner = phase.then if isinstance(phase, Hold) else phase
+        again = None if isinstance(inner, Landed) else inner
+        flight.engaged = False
+        flight.state = MissionState.RELEASED
+        if flight.outcome is MissionState.FAILED:
+            flight.state, again = MissionState.FAILED, None
+        flight.outcome_words = flight.outcome_words or words
+        flight.follower.stop()
+        action = Action.HOLD if ask_hold else None
+        return Intent(words, action=action, then=Released(again, words))
+
+    def _ending(self, outcome: MissionState, words: str) -> None:
+        flight = self._flight
+        if flight.outcome is None:
+            flight.outcome, flight.outcome_words = outcome, words
+            flight.note("ending", words)
+
+
+class Remeasure:
+    """Forget the measured rotor, once outside, and approach it anew."""
+
+    phase = Phase.APPROACH
+
+    def resume(self, _flight: Flight) -> None:
+        """Nothing is under way yet."""
+
+    def step(self, flight: Flight) -> Intent:
+        """Close the sphere and begin the approach."""
+        flight.rotor_open = False
+        flight.rotor = flight.model = flight.plan = None
+        flight.leg_index = 0
+        flight.open_corridor([])
+        return Intent("measuring the rotor again", setpoint=flight.hold(), then=Approach())

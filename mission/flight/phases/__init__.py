@@ -1,0 +1,1 @@
+"""The phases of a mission, a file a phase. Each decides one tick from the flight's memory."""

@@ -1,0 +1,73 @@
+"""Preflight: every item on the list passes, and what the machine itself can see is in order."""
+
+from __future__ import annotations
+
+from mission.flight.command import Action, MissionState, Phase
+from mission.flight.flight import Flight, Intent
+from mission.flight.phases.landed import Landed
+from mission.flight.phases.takeoff import Takeoff
+
+WAIT_S = 15.0
+#: The list must be clean for as long before the motors start.
+SETTLED_S = 0.5
+
+
+class Preflight:
+    """Wait a bounded time for everything to be ready, then arm; else refuse, naming each item."""
+
+    phase = Phase.PREFLIGHT
+
+    def __init__(self) -> None:
+        self._since: float | None = None
+        self._clean_since: float | None = None
+
+    def resume(self, _flight: Flight) -> None:
+        """Nothing moved."""
+
+    def step(self, flight: Flight) -> Intent:
+        """Check; go on to the take-off, or refuse."""
+        now = flight.now_s
+        if self._since is None:
+            self._since = now
+        faults = _faults(flight)
+        if faults:
+            self._clean_since = None
+            if now - self._since > WAIT_S:
+                words = "; ".join(faults)
+                flight.outcome, flight.outcome_words = MissionState.REFUSED, words
+                return Intent(f"refused: {words}", then=Landed(flown=False))
+            return Intent(f"waiting: {faults[0]}")
+        if self._clean_since is None:
+            self._clean_since = now
+        if now - self._clean_since < SETTLED_S:
+            return Intent("preflight checks passed")
+        vehicle = flight.vehicle
+        flight.home_w = vehicle.home_w or vehicle.position_w
+        return Intent("arming", action=Action.ARM, then=Takeoff())
+
+
+def _faults(flight: Flight) -> list[str]:
+    """Name everything that forbids the take-off, with the command that mends it."""
+    observation, request = flight.observation, flight.request
+    faults = [f"{i.name}: {i.text}" + (f" ({i.mend})" if i.mend else "")
+              for i in observation.preflight if not i.passed]  # fmt: skip
+    vehicle = observation.vehicle
+    if vehicle is None:
+        faults.append("vehicle: no telemetry")
+    else:
+        if not vehicle.healthy and not vehicle.armed:
+            faults.append("vehicle: the autopilot says that it may not be armed")
+        if vehicle.battery is None:
+            faults.append("battery: no telemetry")
+        elif vehicle.battery < flight.settings.battery.reserve + 0.2:
+            faults.append(f"battery: {vehicle.battery:.0%} is too little to begin")
+    if request is None or not request.rotor_locked:
+        faults.append("operator: the word 'rotor braked and locked, yaw off' is missing")
+    clearance = observation.clearance
+    if clearance is None or observation.now_s - clearance.stamp_s > 1.0:
+        faults.append("LiDAR: no fresh scan")
+    if observation.camera is None or not observation.camera.online:
+        faults.append("camera: offline")
+    if observation.gimbal is None:
+        faults.append("gimbal: silent")
+    return faults

@@ -1,0 +1,87 @@
+"""Registration: the plan is moved to where the LiDAR sees the blade.
+
+The vehicle's position drifts, blades droop and bend: the measured axis lies beside the modelled
+one. The plan follows that offset by a low-pass, and, where the surface comes nearer than it
+should, moves outward. An offset that no drift explains means that the rotor has moved.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mission.flight.flight import Flight
+from mission.flight.passes import Leg
+from perception.values import Float
+
+TIME_S = 1.5
+FRESH_S = 0.5
+MOST_M = 3.0
+#: Beyond drift and droop: the droop grows with the metre.
+MOVED_M = 3.0
+MOVED_PER_METRE = 0.03
+PUSH_MPS = 0.4
+MOST_PUSH_M = 4.0
+
+
+class Registration:
+    """The shift (3,) of the plan for the blade that is flown."""
+
+    def __init__(self) -> None:
+        self.shift_w: Float = np.zeros(3)
+        self.moved_s = 0.0
+        """How long the offset has been one that only a moved rotor explains."""
+        self._drift: Float = np.zeros(3)
+        self._push = 0.0
+        self._stamp_s = -math.inf
+        self._blade = ""
+
+    def begin(self, blade: str) -> None:
+        """Begin a leg. What was learnt on another blade is mostly its own droop: start anew."""
+        if blade != self._blade:
+            self._drift = np.zeros(3)
+        self._blade, self._push, self.moved_s = blade, 0.0, 0.0
+        self.shift_w = self._drift
+
+    def fresh(self, flight: Flight, leg: Leg) -> bool:
+        """Return whether the newest track is of this blade, recent, and measured."""
+        track = flight.observation.blade
+        return (
+            track is not None
+            and track.blade == leg.blade
+            and not track.from_model
+            and flight.now_s - track.stamp_s < FRESH_S
+        )
+
+    def update(self, flight: Flight, leg: Leg) -> Float:
+        """Take the newest track and clearance; return the shift."""
+        track = flight.observation.blade
+        if track is not None and self.fresh(flight, leg) and track.stamp_s > self._stamp_s:
+            step_s = min(track.stamp_s - self._stamp_s, 0.3)
+            self._stamp_s = track.stamp_s
+            offset = np.array(track.offset_w)
+            size = float(np.linalg.norm(offset))
+            if math.isfinite(size):
+                limit = MOVED_M + MOVED_PER_METRE * max(0.0, leg.metre_of(flight.here_w))
+                self.moved_s = self.moved_s + step_s if size > limit else 0.0
+                bounded = offset * min(1.0, MOST_M / max(size, 1e-6))
+                self._drift = self._drift + (bounded - self._drift) * (step_s / (TIME_S + step_s))
+        self._push_outward(flight, leg)
+        self.shift_w = self._drift + self._push * leg.view_w
+        return self.shift_w
+
+    def _push_outward(self, flight: Flight, leg: Leg) -> None:
+        """Below the wanted surface clearance of this blade, move out; come back slowly."""
+        clearance = flight.observation.clearance
+        step = PUSH_MPS * flight.dt_s
+        if clearance is None or clearance.nearest_m is None or clearance.nearest_w is None:
+            return
+        least = flight.settings.guard.outward_below_m
+        near = clearance.nearest_m - flight.settings.airframe.radius_m
+        towards = np.array(clearance.nearest_w) - flight.here_w
+        ahead = float(towards @ -leg.view_w) > 0.8 * float(np.linalg.norm(towards))
+        if near < least and ahead:
+            self._push = min(self._push + step, MOST_PUSH_M)
+        elif near > least + 0.5 or not ahead:
+            self._push = max(self._push - step / 2, 0.0)

@@ -1,0 +1,200 @@
+"""Track: leg by leg along the blades, at constant distance, a photo a footprint.
+
+Along a leg the vehicle follows the planned line, moved by what the LiDAR says of the real blade
+(`Registration`); the gimbal looks at the blade's foot; photos are taken by `Shooter`. Legs are
+joined by ways of the roadmap. Metres without a kept photo are flown once more at the end.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+
+from mission.flight.command import Phase
+from mission.flight.events import Event
+from mission.flight.flight import Flight, Intent
+from mission.flight.footprint import tracking_speed_mps
+from mission.flight.passes import Leg
+from mission.flight.phases.home import Home
+from mission.flight.phases.leave import StandOff
+from mission.flight.phases.registration import Registration
+from mission.flight.phases.shooter import Shooter
+from perception.values import Float
+
+#: Nearer than this to a leg's line the vehicle joins it directly.
+JOIN_M = 3.0
+MOVED_S = 2.0
+
+
+class Track:
+    """Fly the plan's legs."""
+
+    phase = Phase.TRACK
+
+    def __init__(self) -> None:
+        self._leg: Leg | None = None
+        self._shooter: Shooter | None = None
+        self._running = False
+        self._moving = False
+        self._registration = Registration()
+        self._gaps: list[Leg] | None = None
+        self._speed = 1.0
+
+    def resume(self, _flight: Flight) -> None:
+        """Find the way back to where the leg was left."""
+        self._moving = self._running = False
+
+    def skip(self, flight: Flight) -> None:
+        """Leave the side that is being flown; the next one follows."""
+        if self._leg is not None:
+            book = flight.ledger.side(self._leg)
+            book.skipped = True
+            flight.note("pass", f"skipped {self._leg.blade} {self._leg.side}")
+        self._finish_leg(flight)
+
+    def step(self, flight: Flight) -> Intent:
+        """Fly to the leg, along the leg, or on to the next."""
+        if self._leg is None:
+            leg = self._next_leg(flight)
+            if leg is None:
+                return Intent("all sides flown", setpoint=flight.hold(), then=StandOff(Home()))
+            self._begin(flight, leg)
+        if self._leg is None or self._shooter is None:
+            return Intent("between two legs", setpoint=flight.hold())
+        if not self._shooter.left:
+            self._finish_leg(flight)
+            return Intent("leg flown", setpoint=flight.hold())
+        if self._running:
+            return self._run(flight, self._leg, self._shooter)
+        return self._transit(flight, self._leg, self._shooter)
+
+    # --- legs -----------------------------------------------------------------------------
+
+    def _next_leg(self, flight: Flight) -> Leg | None:
+        legs = () if flight.plan is None else flight.plan.legs
+        while flight.leg_index < len(legs):
+            leg = legs[flight.leg_index]
+            if not flight.ledger.side(leg).skipped and flight.ledger.missing(leg):
+                return leg
+            flight.leg_index += 1
+        if self._gaps is None:
+            self._gaps = [
+                leg.with_photos(missing, again=True)
+                for leg in legs
+                if not flight.ledger.side(leg).skipped and (missing := flight.ledger.missing(leg))
+            ]
+            if self._gaps:
+                flight.note("gaps", f"{sum(len(g.photos) for g in self._gaps)} photos again")
+        return self._gaps.pop(0) if self._gaps else None
+
+    def _begin(self, flight: Flight, leg: Leg) -> None:
+        photos = leg.photos if leg.again else flight.ledger.missing(leg)
+        self._leg, self._shooter = leg, Shooter(leg, photos)
+        self._running = self._moving = False
+        self._registration.begin(leg.blade)
+        tip = leg.root_w + leg.length_m * leg.axis_w
+        chord = max(flight.turbine.blade.chord_m)
+        flight.sense_blade(leg.blade, leg.root_w, tip, half_width_m=chord + 1.0)
+        words = "again " if leg.again else ""
+        flight.note("pass", f"{words}{leg.blade} {leg.side}, {len(photos)} photos")
+
+    def _finish_leg(self, flight: Flight) -> None:
+        if self._leg is not None and not self._leg.again:
+            flight.leg_index += 1
+        self._leg = self._shooter = None
+        self._moving = self._running = False
+
+    # --- moving ---------------------------------------------------------------------------
+
+    def _transit(self, flight: Flight, leg: Leg, shooter: Shooter) -> Intent:
+        shift = self._registration.shift_w
+        start = leg.position(shooter.left[0]) + shift
+        yaw, gimbal = _yaw(flight, leg), flight.aim_at(leg.foot(shooter.left[0]) + shift)
+        words = f"flying to blade {leg.blade} {leg.side}"
+        if not self._moving:
+            way = self._way(flight, start)
+            if way is None:
+                flight.note("pass", f"no clear way to {leg.blade} {leg.side}: left out")
+                flight.ledger.side(leg).skipped = True
+                self._finish_leg(flight)
+                return Intent("no clear way", setpoint=flight.hold(yaw))
+            self._moving = True
+            flight.go(way, flight.settings.guard.max_speed_near_mps)
+        setpoint = flight.follow(yaw)
+        if flight.arrived(0.8):
+            self._running, self._moving = True, False
+        return Intent(words, setpoint=setpoint, gimbal=gimbal, ev=_ev(flight))
+
+    def _way(self, flight: Flight, start: Float) -> Float | None:
+        if flight.plan is None or float(np.linalg.norm(start - flight.here_w)) < JOIN_M:
+            return start[None]
+        way = flight.plan.roadmap.way(flight.here_w, start)
+        return None if way is None else way[1:]
+
+    def _run(self, flight: Flight, leg: Leg, shooter: Shooter) -> Intent:
+        shift = self._registration.update(flight, leg)
+        here = flight.here_w
+        metre = leg.metre_of(here - shift)
+        if not self._moving:
+            self._moving = True
+            camera = flight.observation.camera
+            shutter = None if camera is None else camera.shutter_s
+            distance = leg.distance_at(shooter.left[0])
+            self._speed = tracking_speed_mps(distance, leg.spacing_m, shutter, flight.settings)
+            flight.go(_line(leg, metre, shooter.left), self._speed)
+        foot = leg.foot(min(max(metre, 0.0), leg.length_m)) + shift
+        aim = flight.aim_at(foot)
+        distance = self._distance(flight, leg, metre, here, shift)
+        photo, slow = shooter.step(flight, metre, distance, aim)
+        setpoint = flight.follow(_yaw(flight, leg), slow, shift)
+        if shooter.left and flight.follower.left_m < 0.05:
+            flight.go(_line(leg, metre, shooter.left), self._speed)
+        if self._registration.moved_s > MOVED_S:
+            flight.raised.add(Event.ROTOR_MOVED)
+        book = flight.ledger.side(leg)
+        book.distance.add(distance, leg.distance_at(metre))
+        clearance = flight.observation.clearance
+        if clearance is not None and clearance.nearest_m is not None:
+            near = clearance.nearest_m - flight.settings.airframe.radius_m
+            book.clearance_min_m = min(book.clearance_min_m, near)
+        return Intent(
+            f"blade {leg.blade} {leg.side} at {metre:.1f} m", setpoint=setpoint, gimbal=aim,
+            ev=_ev(flight), photo=photo, metre=metre, distance_m=distance,
+        )  # fmt: skip
+
+    def _distance(self, flight: Flight, leg: Leg, metre: float, here: Float, shift: Float) -> float:
+        track = flight.observation.blade
+        square = abs(float(leg.view_w @ leg.axis_w)) < 0.05
+        if track is not None and square and self._registration.fresh(flight, leg):
+            return track.distance_m
+        foot = leg.foot(metre) + shift
+        return float(np.linalg.norm(here - foot))
+
+
+def _line(leg: Leg, metre: float, left: tuple[float, ...]) -> Float:
+    """Return the leg's line from the present metre over the photos that are left."""
+    first = min(max(metre, 0.0), leg.length_m)
+    places = [first, left[0], left[-1]] if len(left) > 1 else [first, left[0]]
+    points = []
+    for a, b in itertools.pairwise(places):
+        count = max(2, math.ceil(abs(b - a)) + 1)
+        points += [leg.position(float(m)) for m in np.linspace(a, b, count)]
+    return np.stack(points)
+
+
+def _yaw(flight: Flight, leg: Leg) -> float:
+    """Face the blade; keep the heading where it is straight above or below."""
+    x, y = -float(leg.view_w[0]), -float(leg.view_w[1])
+    if math.hypot(x, y) < 0.25:
+        return flight.vehicle.yaw_rad
+    return math.atan2(y, x)
+
+
+def _ev(flight: Flight) -> float | None:
+    """Return the exposure that metering asks for, while its picture is fresh."""
+    exposure = flight.observation.exposure
+    if exposure is None or flight.now_s - exposure.stamp_s > 1.0:
+        return None
+    return exposure.ev_wanted

@@ -1,0 +1,98 @@
+"""What the machine itself can say of a mission: the flight's part of mission.json."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+from mission.flight.command import MissionState, Phase
+from mission.flight.events import EventRecord
+from mission.flight.observation import RotorEstimate
+from mission.flight.passes import Unseen
+
+
+@dataclass(frozen=True, slots=True)
+class PhaseTime:
+    """When a phase was entered and left, mission seconds."""
+
+    phase: Phase
+    from_s: float
+    to_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class PassReport:
+    """One side of one blade as flown."""
+
+    blade: str
+    side: str
+    length_m: float
+    planned_m: float
+    photographed_m: float
+    """Metres of the blade within the footprint of a kept photo, by the fitted geometry."""
+    distance_mean_m: float | None
+    distance_rms_error_m: float | None
+    distance_min_m: float | None
+    clearance_min_m: float | None
+    photos: int
+    rejected: int
+    unseen: tuple[Unseen, ...]
+    skipped: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class MissionReport:
+    """The mission so far."""
+
+    state: MissionState
+    words: str
+    started_s: float | None
+    duration_s: float
+    phases: tuple[PhaseTime, ...]
+    rotor: RotorEstimate | None
+    iterations: int
+    """Rotor estimates until convergence, refusals included."""
+    passes: tuple[PassReport, ...]
+    events: tuple[EventRecord, ...]
+
+
+@dataclass(slots=True)
+class Spread:
+    """Running mean, least, and root mean square of the error against a wanted value."""
+
+    count: int = 0
+    total: float = 0.0
+    squared_error: float = 0.0
+    least: float = field(default=math.inf)
+
+    def add(self, value: float, wanted: float) -> None:
+        """Take one more value."""
+        self.count += 1
+        self.total += value
+        self.squared_error += (value - wanted) ** 2
+        self.least = min(self.least, value)
+
+    @property
+    def mean(self) -> float | None:
+        """Mean of the values."""
+        return self.total / self.count if self.count else None
+
+    @property
+    def rms_error(self) -> float | None:
+        """Root mean square of the differences from what was wanted."""
+        return math.sqrt(self.squared_error / self.count) if self.count else None
+
+
+def covered_m(
+    stretches: Iterable[tuple[float, float]], length_m: float, unseen: Sequence[Unseen] = ()
+) -> float:
+    """Return the length of the union of stretches within the blade, less what is unseen."""
+    total, reached = 0.0, 0.0
+    for begin, end in sorted(stretches):
+        low, high = max(begin, reached, 0.0), min(end, length_m)
+        if high > low:
+            total += high - low
+            total -= sum(max(0.0, min(high, u.to_m) - max(low, u.from_m)) for u in unseen)
+            reached = high
+    return max(0.0, total)
