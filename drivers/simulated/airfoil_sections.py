@@ -40,7 +40,7 @@ def _half_thickness(x: Float) -> Float:
 
 
 def arc_lengths(outline: Float) -> Float:
-    """Return (POINTS,) lengths along the skin from the leading edge, positive on the pressure side."""
+    """Return (POINTS,) skin lengths from the leading edge, positive on the pressure side."""
     steps = np.linalg.norm(np.diff(outline, axis=0), axis=1)
     along = np.concatenate([[0.0], np.cumsum(steps)])
     return np.asarray(along[POINTS // 2] - along, np.float64)

@@ -27,7 +27,7 @@ _SHAPE_EXPONENT = 2.7
 
 def blade_mesh(turbine: Turbine, hub_w: Float, frame: BladeFrame, part: Part) -> Mesh:
     """Return one blade as it hangs, deflected by its weight, with metre and arc at each vertex."""
-    span = _stations(turbine)
+    span = _stations()
     shape, stations = turbine.blade, np.asarray(turbine.blade.span)
     chord, twist, thickness, axis_share = (
         PchipInterpolator(stations, np.asarray(column))(span)
@@ -45,7 +45,9 @@ def blade_mesh(turbine: Turbine, hub_w: Float, frame: BladeFrame, part: Part) ->
         outline = section(float(thickness[k]))
         leading, pressure = frame.leading_w(float(twist[k])), frame.pressure_w(float(twist[k]))
         ahead = (axis_share[k] - outline[:, 0]) * chord[k]
-        rings[k] = centres[k] + np.outer(ahead, leading) - np.outer(outline[:, 1] * chord[k], pressure)
+        rings[k] = (
+            centres[k] + np.outer(ahead, leading) - np.outer(outline[:, 1] * chord[k], pressure)
+        )
         arcs[k] = arc_lengths(outline) * chord[k]
     metre = np.repeat((span * turbine.blade_length_m)[:, None], POINTS, axis=1)
     skin = lattice(rings, part, metre=metre, arc=arcs)
@@ -53,7 +55,7 @@ def blade_mesh(turbine: Turbine, hub_w: Float, frame: BladeFrame, part: Part) ->
 
 
 def axis_points(turbine: Turbine, frame: BladeFrame, span: Float) -> Float:
-    """Return (N, 3) points of the deflected pitch axis from the hub centre, at shares of the span."""
+    """Return (N, 3) points of the deflected pitch axis from the hub, at shares of the span."""
     prebend = PchipInterpolator(turbine.blade.span, turbine.blade.prebend_m)(span)
     straight = np.outer(turbine.hub_radius_m + span * turbine.blade_length_m, frame.axis_w)
     bent = np.outer(prebend, frame.pressure_w())
@@ -73,7 +75,7 @@ def droop(length_m: float, frame: BladeFrame, span: Float) -> Float:
     return np.outer(span**_SHAPE_EXPONENT, tip)
 
 
-def _stations(turbine: Turbine) -> Float:
+def _stations() -> Float:
     """Return the lofted stations: even, and crowded where the tip closes."""
     even = np.linspace(0.0, 0.97, _STATIONS - 12)
     return np.concatenate([even, 1.0 - 0.03 * np.linspace(1.0, 0.0, 13)[1:] ** 1.5])

@@ -144,7 +144,9 @@ def cone(
     rows = max(2, min(40, int(np.linalg.norm(top - foot) / 3.0)))
     share = np.linspace(0.0, 1.0, rows)
     rings = [
-        ring(foot + s * (top - foot), axis, foot_radius_m + s * (top_radius_m - foot_radius_m), count)
+        ring(
+            foot + s * (top - foot), axis, foot_radius_m + s * (top_radius_m - foot_radius_m), count
+        )
         for s in share
     ]
     return lattice(np.stack(rings), part)

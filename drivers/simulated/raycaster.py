@@ -104,9 +104,11 @@ class Raycaster:
             _Group(part, int(first)) for part, first in zip(parts, counts[:-1], strict=True)
         ]
         obstacles = _without_ground(fixed)
-        solid = [meshes.rotor, meshes.nacelle, obstacles] if self.moving else [
-            join([meshes.rotor, meshes.nacelle, obstacles])
-        ]
+        solid = (
+            [meshes.rotor, meshes.nacelle, obstacles]
+            if self.moving
+            else [join([meshes.rotor, meshes.nacelle, obstacles])]
+        )
         self._solid = [_scene_of(mesh) for mesh in solid]
 
     def motions(self, t_s: float) -> tuple[Motion, Motion, Motion]:
@@ -143,9 +145,7 @@ class Raycaster:
         if not self.moving:
             return self._solid[0].compute_distance(self._tensor(points_w), self._threads).numpy()
         distances = [
-            scene.compute_distance(
-                self._tensor(_into(points_w, motion)), self._threads
-            ).numpy()
+            scene.compute_distance(self._tensor(_into(points_w, motion)), self._threads).numpy()
             for scene, motion in zip(self._solid, self.motions(t_s), strict=True)
         ]
         return np.asarray(np.min(distances, axis=0), np.float32)
@@ -174,9 +174,7 @@ def _surroundings(scene: Scene, seed: int) -> Mesh:
     bearing = float(np.random.default_rng([seed, 0x2E]).uniform(0.0, 2 * math.pi))
     east, north = _NEIGHBOUR_M * math.sin(bearing), _NEIGHBOUR_M * math.cos(bearing)
     up_m = ground_height_m(east, north, seed)
-    return join(
-        [terrain_mesh(seed, clear_m), other_turbine(scene, bearing, _NEIGHBOUR_M, up_m)]
-    )
+    return join([terrain_mesh(seed, clear_m), other_turbine(scene, bearing, _NEIGHBOUR_M, up_m)])
 
 
 def _without_ground(mesh: Mesh) -> Mesh:

@@ -59,7 +59,7 @@ def rotor_frame(scene: Scene) -> RotorFrame:
     # Tilt lifts the rotor's side of the shaft, so that the blades clear the tower.
     upwind = math.cos(tilt) * level + math.sin(tilt) * np.array([0.0, 0.0, 1.0])
     hub = scene.turbine.overhang_m * math.cos(tilt) * level
-    hub = hub + (0.0, 0.0, scene.turbine.hub_height_m)
+    hub = hub + np.array([0.0, 0.0, scene.turbine.hub_height_m])
     first, second, third = (
         _blade(scene, -upwind, math.radians(scene.stop_angle_deg + 120.0 * k), scene.pitch_deg[k])
         for k in range(3)

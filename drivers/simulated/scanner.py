@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from config.sensors import Lidar
 from drivers.simulated.mesh import Part
@@ -19,7 +20,6 @@ from perception.values import Bytes, Float, Float32
 _REFLECTIVITY = np.array(
     [0.62, 0.62, 0.62, 0.58, 0.60, 0.55, 0.30, 0.35, 0.30, 0.60, 0.0], np.float32
 )
-assert len(_REFLECTIVITY) == len(Part)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,6 +31,7 @@ class RawScan:
     offsets_s: Float
     reflectivity: Bytes
     tag: Bytes
+    returned: NDArray[np.bool_]
     part: Bytes
     """(N,) `Part` that each ray truly hit; for tests, never sent."""
 
@@ -73,5 +74,11 @@ class Scanner:
         reported_l = reported_directions(directions_l, self._rng)
         points_l = reported_l * returns.ranges_m[:, None]
         return RawScan(
-            t0_s, points_l, offsets_s, returns.reflectivity, returns.tag, part.astype(np.uint8)
+            t0_s=t0_s,
+            points_l=points_l,
+            offsets_s=offsets_s,
+            reflectivity=returns.reflectivity,
+            tag=returns.tag,
+            returned=returns.returned,
+            part=part.astype(np.uint8),
         )

@@ -52,7 +52,7 @@ def draw_scene(settings: Settings) -> Scene:
     stop = _pick(truth.stop_angle_deg, float(rng.uniform(0.0, 120.0))) % 120.0
     yaw, wind_from = _yaw_and_wind(rng, truth.nacelle_yaw_deg, wind.direction_deg)
     pitch = _pitch(rng, truth.pitch_deg, truth.pitch_spread_deg)
-    tilt, cone = rng.uniform(-0.5, 0.5, 2) + (turbine.tilt_deg, turbine.cone_deg)
+    tilt, cone = rng.uniform(-0.5, 0.5, 2) + np.array([turbine.tilt_deg, turbine.cone_deg])
     bearing = math.radians(_pick(truth.launch_bearing_deg, float(rng.uniform(0.0, 360.0))))
     distance = _pick(
         truth.launch_distance_m, turbine.rotor_radius_m + float(rng.uniform(20.0, 45.0))
@@ -88,12 +88,10 @@ def _yaw_and_wind(rng: np.random.Generator, yaw: Draw, wind_from: Draw) -> tuple
     return yaw_deg % 360.0, _pick(wind_from, yaw_deg + error) % 360.0
 
 
-def _pitch(
-    rng: np.random.Generator, pitch: Draw, spread_deg: float
-) -> tuple[float, float, float]:
+def _pitch(rng: np.random.Generator, pitch: Draw, spread_deg: float) -> tuple[float, float, float]:
     """Pitch as met in the field: 40 % at the operating stop, 45 % feathered, the rest between."""
     kind = float(rng.random())
     fine, feathered, between = rng.uniform((0.0, 82.0, 5.0), (5.0, 90.0, 82.0))
     drawn = fine if kind < 0.40 else feathered if kind < 0.85 else between
-    a, b, c = _pick(pitch, float(drawn)) + rng.uniform(-spread_deg, spread_deg, 3)
+    a, b, c = np.full(3, _pick(pitch, float(drawn))) + rng.uniform(-spread_deg, spread_deg, 3)
     return float(a), float(b), float(c)

@@ -4,29 +4,24 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from perception.values import Bytes, Float, Float32
+from config.simulation import Word
+from drivers.simulated.scanner import RawScan
+from perception.values import Bytes
 
 
 class ScanSink(Protocol):
-    """Takes the returns of one scan period."""
+    """Takes the rays of one scan period after the other."""
 
-    def send(
-        self,
-        t0_s: float,
-        points_l: Float32,
-        offsets_s: Float,
-        reflectivity: Bytes,
-        tag: Bytes,
-    ) -> None:
-        """Take rays in firing order.
-
-        ``t0_s``: mission time of the first ray; ``points_l``: (N, 3) metres, LiDAR FLU, zero where
-        nothing came back; ``offsets_s``: (N,) seconds after ``t0_s``; ``reflectivity``, ``tag``:
-        (N,).
-        """
+    @property
+    def wanted(self) -> bool:
+        """Whether the sensor measures; while not, rays need not be cast."""
         ...
 
-    def set_fault(self, word: str) -> None:
+    def send(self, scan: RawScan) -> None:
+        """Take a period's rays in firing order."""
+        ...
+
+    def set_fault(self, word: Word) -> None:
         """Play a failure word from now on (`ok` ends it)."""
         ...
 

@@ -45,7 +45,9 @@ def terrain_mesh(seed: int, clear_radius_m: float) -> Mesh:
     ticks = _HALF_SIZE_M * np.sign(ticks) * np.abs(ticks) ** 1.6
     east, north = np.meshgrid(ticks, ticks, indexing="ij")
     up = ground_heights_m(east.ravel(), north.ravel(), seed).reshape(east.shape)
-    ground = lattice(np.stack([east, north, up], axis=-1), Part.GROUND, outward=np.array([0, 0, 1.0]))
+    ground = lattice(
+        np.stack([east, north, up], axis=-1), Part.GROUND, outward=np.array([0, 0, 1.0])
+    )
     return join([ground, *_trees(seed, clear_radius_m), *_buildings(seed, clear_radius_m)])
 
 
@@ -53,6 +55,10 @@ def _places(rng: np.random.Generator, count: int, near_m: float, far_m: float) -
     bearing = rng.uniform(0.0, 2 * np.pi, count)
     distance = rng.uniform(near_m, far_m, count)
     return np.stack([distance * np.sin(bearing), distance * np.cos(bearing)], axis=1)
+
+
+def _up(height_m: float) -> Float:
+    return np.array([0.0, 0.0, height_m])
 
 
 def _trees(seed: int, clear_radius_m: float) -> list[Mesh]:
@@ -64,9 +70,9 @@ def _trees(seed: int, clear_radius_m: float) -> list[Mesh]:
         for east, north in grove:
             foot = np.array([east, north, ground_height_m(float(east), float(north), seed)])
             height, radius = float(rng.uniform(6.0, 15.0)), float(rng.uniform(2.0, 4.0))
-            crown = foot + (0.0, 0.0, 0.2 * height)
-            trees.append(cone(crown, foot + (0.0, 0.0, height), radius, 0.05, Part.TREE, 9))
-            trees.append(cone(foot - (0, 0, 0.5), crown, 0.25, 0.2, Part.TREE, 6))
+            crown = foot + _up(0.2 * height)
+            trees.append(cone(crown, foot + _up(height), radius, 0.05, Part.TREE, 9))
+            trees.append(cone(foot - _up(0.5), crown, 0.25, 0.2, Part.TREE, 6))
     return trees
 
 
@@ -76,8 +82,8 @@ def _buildings(seed: int, clear_radius_m: float) -> list[Mesh]:
     for east, north in _places(rng, 3, clear_radius_m + 60.0, clear_radius_m + 260.0):
         foot = np.array([east, north, ground_height_m(float(east), float(north), seed) - 1.0])
         radius, height = float(rng.uniform(5.0, 9.0)), float(rng.uniform(4.0, 8.0))
-        top = foot + (0.0, 0.0, height)
-        ridge = foot + (0.0, 0.0, height + 3.0)
+        top = foot + _up(height)
+        ridge = foot + _up(height + 3.0)
         buildings.append(cone(foot, top, radius, radius, Part.BUILDING, 4))
         buildings.append(cone(top, ridge, radius, 0.3, Part.BUILDING, 4))
     return buildings

@@ -44,7 +44,10 @@ class TruthHistory:
 
     def between(self, from_s: float, to_s: float) -> list[TruthState]:
         """Return the states in [from, to]."""
-        low, high = np.searchsorted(self._times, from_s), np.searchsorted(self._times, to_s, "right")
+        low, high = (
+            np.searchsorted(self._times, from_s),
+            np.searchsorted(self._times, to_s, "right"),
+        )
         return self._states[int(low) : int(high)]
 
     def body(self, times_s: Float) -> tuple[Float32, Float32]:

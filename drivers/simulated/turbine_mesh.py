@@ -14,7 +14,7 @@ from drivers.simulated.scene import Scene
 from perception.values import Float
 
 _AROUND = 40
-#: The flange's radius as a share of the root's chord, and how far the cylinder reaches into the hub.
+#: How far the blades' stubs reach into the hub, as a share of its radius.
 _ROOT_INSIDE = 0.75
 #: A rounded box: |y|^e + |z|^e = 1.
 _BOX_EXPONENT = 4.0
@@ -65,8 +65,7 @@ def other_turbine(scene: Scene, bearing_rad: float, distance_m: float, up_m: flo
 
 def _shaft_height_m(turbine: Turbine, frame: RotorFrame) -> float:
     """Height of the shaft over the tower's axis: the tilt lifts the hub above it."""
-    rise = float(frame.hub_w[2]) + turbine.overhang_m * float(frame.normal_w[2])
-    return rise
+    return float(frame.hub_w[2]) + turbine.overhang_m * float(frame.normal_w[2])
 
 
 def _tower(turbine: Turbine, frame: RotorFrame) -> Mesh:
@@ -90,8 +89,8 @@ def _nacelle(turbine: Turbine, frame: RotorFrame) -> Mesh:
     front = np.array([frame.hub_w[0], frame.hub_w[1], _shaft_height_m(turbine, frame)])
     front = front + 0.8 * turbine.hub_radius_m * back
     # share of length, share of the full section
-    profile = ((0.0, 0.0), (0.0, 0.55), (0.02, 0.72), (0.08, 0.9), (0.2, 1.0), (0.85, 1.0))
-    profile = (*profile, (0.95, 0.94), (0.99, 0.86), (1.0, 0.8), (1.0, 0.0))
+    shares = (0.0, 0.0, 0.02, 0.08, 0.2, 0.85, 0.95, 0.99, 1.0, 1.0)
+    sizes = (0.0, 0.55, 0.72, 0.9, 1.0, 1.0, 0.94, 0.86, 0.8, 0.0)
     turn = np.linspace(0.0, 2 * np.pi, _AROUND + 1)
     power = 2.0 / _BOX_EXPONENT
     y = np.sign(np.cos(turn)) * np.abs(np.cos(turn)) ** power * 0.5 * turbine.nacelle_width_m
@@ -100,13 +99,13 @@ def _nacelle(turbine: Turbine, frame: RotorFrame) -> Mesh:
         front
         + share * turbine.nacelle_length_m * back
         + size * (np.outer(y, across) + np.outer(z, (0.0, 0.0, 1.0)))
-        for share, size in profile
+        for share, size in zip(shares, sizes, strict=True)
     ]
     return lattice(np.stack(rings), Part.NACELLE)
 
 
 def _hub(turbine: Turbine, frame: RotorFrame) -> list[Mesh]:
-    """A spinner, blunt behind and rounded in front, and the stubs to which the blades are bolted."""
+    """A spinner, blunt behind and rounded in front, and the stubs that carry the blades."""
     radius = 0.92 * turbine.hub_radius_m
     upwind = -frame.normal_w
     rings: list[Float] = []
