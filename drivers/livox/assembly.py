@@ -110,21 +110,19 @@ class ScanAssembler:
 
     def finish(self) -> Scan | None:
         """Return what has been collected as a scan, complete or not; None when that is nothing."""
-        headers = self._headers
+        headers, lost = self._headers, max(0, self.lost - self._lost_before_scan)
         if not headers or self._clock.offset_s is None:
             self._clear()
             return None
-        first = headers[0]
-        if sum(header.interval_ns for header in headers) < _MIN_COVER * self._period_ns:
-            self._dropped[Dropped.FRAGMENT] += len(headers)
-            self._clear()
-            return None
-        end = HEADER_BYTES + first.points * POINT_BYTES[first.data_type]
-        found = decode_points(self._slots[: len(headers), HEADER_BYTES:end], first.data_type)
         newest_ns = max(header.stamp_ns + header.interval_ns for header in headers)
-        lost = max(0, self.lost - self._lost_before_scan)
         self._clear()
         self._start_ns = newest_ns + 1
+        if sum(header.interval_ns for header in headers) < _MIN_COVER * self._period_ns:
+            self._dropped[Dropped.FRAGMENT] += len(headers)
+            return None
+        first = headers[0]
+        end = HEADER_BYTES + first.points * POINT_BYTES[first.data_type]
+        found = decode_points(self._slots[: len(headers), HEADER_BYTES:end], first.data_type)
         if found is None:
             return None
         near_m, far_m = self._range_m

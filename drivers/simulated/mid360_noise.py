@@ -73,11 +73,11 @@ def measure(
     # Most rays see sky: only the hits are worth computing.
     index = np.flatnonzero(hit)
     r_m = true_m[index]
-    cos = np.clip(np.abs(np.asarray(incidence_cos, np.float32)[index]), 0.02, 1.0)
+    cos = np.clip(np.abs(np.asarray(incidence_cos, np.float32)[index]), 0.002, 1.0)
     rho = np.clip(np.asarray(reflectivity, np.float32)[index], 0.0, 1.0)
 
     seen = rng.random(len(index), np.float32) < _detection(r_m, cos, rho, fog_extinction_per_m)
-    sigma_m = np.hypot(0.0034, 0.00073 * r_m) / cos**0.78
+    sigma_m = np.hypot(0.0034, 0.00073 * r_m) / np.maximum(cos, 0.02) ** 0.78
     measured_m = r_m + sigma_m * rng.standard_normal(len(index), np.float32)
     level = 150 * rho * cos * (1 + 0.05 * rng.standard_normal(len(index), np.float32))
 
