@@ -1,1 +1,6 @@
-"""Autonomous inspection of wind-turbine blades by drone."""
+"""Autonomous inspection of wind-turbine blades by drone: the public names."""
+
+from mission.remote.client import Client, NoReply
+from mission.remote.messages import EventMessage, Reply, StateMessage
+
+__all__ = ["Client", "EventMessage", "NoReply", "Reply", "StateMessage"]

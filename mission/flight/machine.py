@@ -16,7 +16,7 @@ from mission.flight.events import POLICY, Event, EventRecord, Reaction, arbitrat
 from mission.flight.flight import Flight, Intent, PhaseStep
 from mission.flight.guard import Airspace
 from mission.flight.ledger import PhotoStatus
-from mission.flight.observation import FlightMode, Observation, Request, RequestKind
+from mission.flight.observation import FlightMode, Observation, Request, RequestKind, Vec3
 from mission.flight.phases.approach import Approach
 from mission.flight.phases.hold import Hold, Idle, Released
 from mission.flight.phases.home import Home
@@ -73,6 +73,11 @@ class Machine:
     def airspace(self) -> Airspace:
         """Return what the guard has to know about the turbine and the plan."""
         return self._flight.airspace()
+
+    def tower_foot_w(self) -> Vec3:
+        """Return where the tower stands on the ground: as found, else as told."""
+        x, y, z = self._flight.tower_w
+        return float(x), float(y), float(z)
 
     def report(self) -> MissionReport:
         """Return the mission so far."""

@@ -18,7 +18,7 @@ from config.turbine import Site, Turbine
 from drivers.autopilot import AutopilotLink
 from drivers.autopilot_errors import AutopilotError
 from drivers.bus import Bus, Key, Sample
-from drivers.clock import sleep, sleep_until
+from drivers.clock import sleep_until
 from drivers.payload import Payload, PhotoTaken
 from mission.flight.command import (
     Action,
@@ -362,8 +362,10 @@ class Flight:
         if self._preflight is None:
             self._preflight = asyncio.create_task(self._read_parameters(link, turbine))
         reading = link.vehicle()
-        if self._parameters is None or (reading is not None and reading.armed):
+        if reading is not None and reading.armed:
             return ()
+        if self._parameters is None:
+            return (PreflightItem("parameters", False, "being read from the autopilot"),)
         return preflight_items(
             self._settings,
             turbine,
@@ -374,23 +376,13 @@ class Flight:
         )
 
     async def _read_parameters(self, link: AutopilotLink, turbine: Turbine) -> None:
-        # The sensors come up meanwhile: the first word of a fresh daemon is not the last.
-        deadline_s = self._clock.now_s() + 20.0
         mend = self._settings.autopilot.set_parameters
         try:
             parameters = await read_parameters(link, turbine, mend=mend)
         except AutopilotError as error:
             log.warning("parameters: %s", error)
             parameters = {}
-        while self._clock.now_s() < deadline_s and not self._all_online(link):
-            await sleep(self._clock, 0.2)
         self._parameters = parameters
-
-    def _all_online(self, link: AutopilotLink) -> bool:
-        sensing, vehicle = self._inputs.sensing, link.vehicle()
-        if sensing is None or vehicle is None:
-            return False
-        return sensing.lidar_online and sensing.camera_online and vehicle.healthy
 
 
 async def fly(runtime: Runtime) -> None:
