@@ -53,7 +53,10 @@ def draw_scene(settings: Settings) -> Scene:
     yaw, wind_from = _yaw_and_wind(rng, truth.nacelle_yaw_deg, wind.direction_deg)
     pitch = _pitch(rng, truth.pitch_deg, truth.pitch_spread_deg)
     tilt, cone = rng.uniform(-0.5, 0.5, 2) + np.array([turbine.tilt_deg, turbine.cone_deg])
-    bearing = math.radians(_pick(truth.launch_bearing_deg, float(rng.uniform(0.0, 360.0))))
+    bearing_deg = _pick(truth.launch_bearing_deg, float(rng.uniform(0.0, 360.0)))
+    if truth.launch_bearing_from_rotor_deg is not None:
+        bearing_deg = yaw + truth.launch_bearing_from_rotor_deg
+    bearing = math.radians(bearing_deg)
     distance = _pick(
         truth.launch_distance_m, turbine.rotor_radius_m + float(rng.uniform(20.0, 45.0))
     )
