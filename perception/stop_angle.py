@@ -1,0 +1,207 @@
+"""Stop angle and hub by the paper's whole method (Shi et al. 2025, Algorithm 1).
+
+A plane, rings along its normal, three intersections, their Fermat point, the angle; again with a
+new cloud until two angles agree. One call of `FermatEstimator.update` is one pass of the loop.
+
+Where the search points start. Eq. 1 begins at the drone p_d, Algorithm 1 at p_h^(i-1). From p_d
+the rings are centred on the drone's own line of sight along v_n, which misses the hub by as much
+as the drone stands beside the shaft; around p_h^(i-1) they close in on the hub with every pass. So
+here the line of search runs through p_h^(i-1) along v_n (Algorithm 1), and begins as far before
+it as the drone stands (Eq. 1), less the 9 m in which only fog or the airframe itself returns.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from config.inspection import FermatMethod
+from perception.bri_clustering import cluster_bri
+from perception.fermat_point import (
+    DegenerateTriangleError,
+    FermatHub,
+    ObtuseTriangleError,
+    fermat_hub,
+)
+from perception.geometry import stop_angle_difference_deg
+from perception.grid_map import GridMap
+from perception.ring_search import search_points, search_rings
+from perception.rotor import (
+    Blade,
+    Refusal,
+    RefusalCode,
+    Rotor,
+    angle_of,
+    blade_angles_deg,
+    direction_at,
+)
+from perception.rotor_plane import fit_rotor_plane
+from perception.values import Float
+
+DOWN_W: Float = np.array([0.0, 0.0, -1.0])
+#: Nothing nearer to the drone than this is a blade.
+NEAREST_M = 9.0
+#: Blades are looked for this far round the prior hub.
+REACH_M = 20.0
+#: Mean error of one pass as measured (and printed: 1.15 deg).
+SIGMA_DEG = 1.4
+#: Arms of a right triangle, as shares of the ring's radius: the hub lies inside the ring.
+ARM_SHARE = (0.3, 1.8)
+
+
+class FermatEstimator:
+    """Algorithm 1, one pass a call; keeps p_h^(i-1), a_b^(i-1) and the grid map M_g."""
+
+    def __init__(self, settings: FermatMethod, *, agree_deg: float = 0.5) -> None:
+        """Start before the first pass; ``agree_deg`` is epsilon_a."""
+        self._settings = settings
+        self._agree_deg = agree_deg
+        self._grid: GridMap | None = None
+        self._last: Rotor | None = None
+        self.iterations = 0
+        self.converged = False
+        """Whether the last two angles differ by less than epsilon_a."""
+
+    def update(
+        self,
+        points_w: Float,
+        origins_w: Float,
+        prior_hub_w: Float,
+        *,
+        down_w: Float = DOWN_W,
+        reference: str = "gravity",
+        stamp_s: float = 0.0,
+    ) -> Rotor | Refusal:
+        """Return the rotor after one more cloud, or why there is none.
+
+        ``points_w``: (N, 3) P_a, world metres; ``origins_w``: (N, 3) or (3,) the sensor's places;
+        ``prior_hub_w``: (3,) p_h^0; ``down_w``: what the angle is measured from.
+        """
+        self.iterations += 1
+        points, origins = _finite(points_w, origins_w)
+        if len(points):
+            points, origins = self._in_window(points, origins, prior_hub_w)
+        if len(points) < 60:
+            return self._refuse(RefusalCode.NO_POINTS, f"{len(points)} points near the prior hub")
+        viewpoint = origins.mean(axis=0)
+        plane = fit_rotor_plane(points, viewpoint, threshold_m=self._settings.plane_threshold_m)
+        if plane is None:
+            return self._refuse(RefusalCode.NO_PLANE, "no upright plane holds the points")
+        hub_before = self._hub_before(prior_hub_w)
+        grid = self._fused(hub_before, points, origins)
+        found = self._search(grid, hub_before, plane.normal_w, viewpoint)
+        if isinstance(found, Refusal):
+            return self._refuse(found.code, found.text)
+        return self._accept(found, plane.normal_w, down_w, reference, stamp_s, len(points))
+
+    def _in_window(self, points: Float, origins: Float, hub_w: Float) -> tuple[Float, Float]:
+        """Keep what lies in the horizontal window towards the prior hub, and round it."""
+        ray, towards = points - origins, hub_w - origins
+        turn = np.arctan2(ray[:, 1], ray[:, 0]) - np.arctan2(towards[:, 1], towards[:, 0])
+        turn = np.abs((turn + np.pi) % (2 * np.pi) - np.pi)
+        keep = turn <= math.radians(self._settings.window_deg / 2)
+        keep &= np.linalg.norm(ray, axis=1) > NEAREST_M
+        keep &= np.linalg.norm(points - hub_w, axis=1) < REACH_M
+        return points[keep], origins[keep]
+
+    def _hub_before(self, prior_hub_w: Float) -> Float:
+        """Return p_h^(i-1): the last pass's hub, unless the prior has left it behind."""
+        last = self._last
+        if last is None or float(np.linalg.norm(last.hub_w - prior_hub_w)) > REACH_M / 2:
+            return np.asarray(prior_hub_w, np.float64)
+        return last.hub_w
+
+    def _fused(self, hub_w: Float, points: Float, origins: Float) -> GridMap:
+        """Fuse the cloud into M_g, begun anew where the hub has moved out of its middle."""
+        grid = self._grid
+        if grid is None or float(np.abs(grid.centre_w - hub_w).max()) > 4.0:
+            half_m = self._settings.ring_radius_m + 10.0
+            grid = GridMap(hub_w, half_m=half_m, resolution_m=self._settings.voxel_m)
+        grid.fuse(points, origins)
+        self._grid = grid
+        return grid
+
+    def _search(
+        self, grid: GridMap, hub_w: Float, normal_w: Float, viewpoint_w: Float
+    ) -> FermatHub | Refusal:
+        """Search rings until one is cut by three blades (Algorithm 1, lines 4 to 14)."""
+        settings = self._settings
+        before_m = float(np.clip((hub_w - viewpoint_w) @ normal_w - NEAREST_M, 3.0, 25.0))
+        centres = search_points(
+            hub_w - before_m * normal_w, normal_w, settings.search_step_m, settings.search_count
+        )
+        points, occupied = search_rings(
+            grid, centres, normal_w, settings.ring_radius_m, settings.ring_step_m
+        )
+        most = 0
+        for depth in np.flatnonzero(occupied.sum(axis=1) >= 3):
+            cells = grid.cell_centres(points[depth, occupied[depth]])
+            groups = cluster_bri(
+                cells, eps_m=settings.cluster_eps_m, min_samples=settings.cluster_min_samples
+            )
+            most = max(most, len(groups))
+            if len(groups) != 3:
+                continue
+            try:
+                hub = fermat_hub(groups)
+            except (ObtuseTriangleError, DegenerateTriangleError):
+                continue
+            low, high = (share * settings.ring_radius_m for share in ARM_SHARE)
+            if low < hub.arms_m.min() and hub.arms_m.max() < high:
+                return hub
+        if most == 2:
+            return Refusal(RefusalCode.TWO_BLADES, "the rings meet two blades only")
+        return Refusal(RefusalCode.NO_RING, f"no ring meets three blades (at most {most} groups)")
+
+    def _accept(
+        self,
+        hub: FermatHub,
+        normal_w: Float,
+        down_w: Float,
+        reference: str,
+        stamp_s: float,
+        points: int,
+    ) -> Rotor:
+        angle_deg = stop_angle_deg(hub.blade_directions_w, normal_w, down_w)
+        last = self._last
+        change = None
+        if last is not None:
+            change = abs(stop_angle_difference_deg(angle_deg, last.stop_angle_deg))
+        self.converged = change is not None and change < self._agree_deg
+        blades = tuple(
+            Blade(name, direction_at(math.radians(angle), normal_w, down_w), None)
+            for name, angle in zip("ABC", blade_angles_deg(angle_deg), strict=True)
+        )
+        self._last = Rotor(
+            stamp_s=stamp_s,
+            hub_w=hub.centre_w,
+            normal_w=normal_w,
+            stop_angle_deg=angle_deg,
+            sigma_deg=max(SIGMA_DEG, change or 0.0),
+            reference=reference,
+            blades=(blades[0], blades[1], blades[2]),
+            method="fermat",
+            points=points,
+        )
+        return self._last
+
+    def _refuse(self, code: RefusalCode, text: str) -> Refusal:
+        self.converged = False
+        return Refusal(code, text)
+
+
+def stop_angle_deg(blade_directions_w: Float, normal_w: Float, down_w: Float) -> float:
+    """Return a_b (degrees, [0, 120)) of blade directions (3, 3), each counted modulo 120 deg."""
+    angles = [angle_of(direction, normal_w, down_w) for direction in blade_directions_w]
+    # The mean of what repeats every 120 deg is taken on the circle of three times the angle.
+    tripled = np.exp(3j * np.array(angles)).sum()
+    angle = math.degrees(math.atan2(tripled.imag, tripled.real)) / 3 % 120.0
+    return 0.0 if angle >= 120.0 else angle
+
+
+def _finite(points_w: Float, origins_w: Float) -> tuple[Float, Float]:
+    points = np.asarray(points_w, np.float64).reshape(-1, 3)
+    origins = np.broadcast_to(np.asarray(origins_w, np.float64), points.shape)
+    keep = (np.abs(points) < 1e5).all(axis=1) & (np.abs(origins) < 1e5).all(axis=1)
+    return points[keep], origins[keep]

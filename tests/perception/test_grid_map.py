@@ -1,0 +1,62 @@
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from perception.grid_map import GridMap
+
+
+def grid(half_m=5.0):
+    return GridMap(np.zeros(3), half_m=half_m, resolution_m=0.2)
+
+
+@settings(deadline=None, max_examples=60)
+@given(start=st.tuples(*[st.floats(-15, 15)] * 3), end=st.tuples(*[st.floats(-4.7, 4.7)] * 3))
+def test_a_ray_frees_what_it_passes_and_fills_where_it_ends(start, end):
+    start, end = np.array(start), np.array(end)
+    one = grid()
+    one.fuse(end[None], start)
+    assert one.occupied(end)
+    length = np.linalg.norm(end - start)
+    shares = np.linspace(0, 1, 400)[:, None]
+    on_ray = start + shares * (end - start)
+    before = on_ray[(1 - shares[:, 0]) * length > 0.4]
+    inside = before[(np.abs(before) < 5).all(axis=1)]
+    assert not one.occupied(inside).any()
+    # What the ray passed stays free after one stray return there.
+    if len(inside) > 10:
+        one.fuse(end[None], start)
+        middle = inside[len(inside) // 2]
+        cell = np.floor(middle / 0.2)
+        centre = (cell + 0.5) * 0.2
+        assert one._log_odds[tuple((cell + 25).astype(int))] <= 0 or not one.occupied(centre)
+
+
+def test_fog_that_later_rays_pass_through_vanishes():
+    one = grid()
+    fog = np.array([[0.1, 0.1, 0.1]])
+    one.fuse(fog, np.array([-10.0, 0.1, 0.1]))
+    assert one.occupied(fog[0])
+    for _ in range(4):
+        one.fuse(np.array([[4.1, 0.1, 0.1]]), np.array([-10.0, 0.1, 0.1]))
+    assert not one.occupied(fog[0])
+    assert one.occupied(np.array([4.1, 0.1, 0.1]))
+
+
+def test_a_surface_seen_at_a_grazing_angle_does_not_carve_itself():
+    one = grid()
+    surface = np.stack([np.linspace(-4, 4, 200), np.full(200, 0.1), np.full(200, 0.1)], axis=1)
+    one.fuse(surface, np.array([-20.0, 0.5, 0.1]))
+    assert one.occupied(surface).all()
+
+
+def test_points_outside_the_box_or_nowhere_do_no_harm():
+    one = grid()
+    bad = np.array([[np.nan, 0, 0], [np.inf, 0, 0], [90.0, 0, 0], [-90, 3, 3]])
+    one.fuse(bad, np.array([0.0, 0, -20]))
+    assert not one.occupied(np.array([90.0, 0, 0]))
+
+
+def test_cells_are_named_once():
+    one = grid()
+    points = np.array([[0.05, 0.05, 0.05], [0.15, 0.1, 0.19], [0.25, 0.05, 0.05]])
+    np.testing.assert_allclose(one.cell_centres(points), [[0.1, 0.1, 0.1], [0.3, 0.1, 0.1]])
