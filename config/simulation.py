@@ -10,6 +10,7 @@ from config.model import ConfigModel, Fraction, NotNegative, Port, Positive
 
 Draw = float | Literal["random"]
 Word = Literal["ok", "off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent"]
+Device = Literal["lidar", "camera", "stream", "gimbal", "gps", "battery", "link", "compass", "baro"]
 
 
 class TruthDraws(ConfigModel):
@@ -62,9 +63,7 @@ class Weather(ConfigModel):
 class Fault(ConfigModel):
     """One rehearsed failure of one device, in mission time."""
 
-    device: Literal[
-        "lidar", "camera", "stream", "gimbal", "gps", "battery", "link", "compass", "baro"
-    ]
+    device: Device
     word: Word
     at_s: NotNegative
     for_s: Positive | None = None

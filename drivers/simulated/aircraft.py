@@ -158,6 +158,12 @@ class Aircraft:
         """Whether a set-point would be flown, or awaited: armed and OFFBOARD asked for."""
         return self.commander.armed and self.commander.intention is Mode.OFFBOARD
 
+    @property
+    def distance_from_launch_m(self) -> float:
+        """Horizontal distance from the take-off point, true."""
+        body, launch = self.body, self._launch_w
+        return round(math.hypot(body.x - launch[0], body.y - launch[1]), 3)
+
     def fault(self, device: str, word: str) -> None:
         """Change the failure word of a device of the autopilot."""
         if device in ("gps", "compass", "baro"):

@@ -107,6 +107,8 @@ class MavlinkLink:
         self.counts = LinkCounts()
         self.on_arrival: Callable[[Received], None] | None = None
         """Called at once for each message, before the link's delay."""
+        self.on_bytes: Callable[[bytes], None] | None = None
+        """Called at once for each datagram, to relay it."""
 
     def fileno(self) -> int:
         """Return the descriptor to wait on."""
@@ -130,6 +132,8 @@ class MavlinkLink:
             except OSError:
                 # ICMP 'port unreachable' of a peer that is not up yet.
                 continue
+            if self.on_bytes is not None:
+                self.on_bytes(data)
             if self._learns_peer and peer not in self._peers:
                 self._peers = [peer]
             arrival_ns = _arrival_ns(extra)

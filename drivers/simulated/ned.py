@@ -90,3 +90,9 @@ def rates_b(before: Quaternion, after: Quaternion, dt_s: float) -> Vec3:
     w, x, y, z = product(inverse(before), after)
     scale = (2.0 if w >= 0 else -2.0) / dt_s
     return (x * scale, y * scale, z * scale)
+
+
+def enu_quaternion(ned_q: Quaternion) -> Quaternion:
+    """Return the rotation of FLU into ENU for one of FRD into NED, w >= 0."""
+    # Both turns are their own inverse, up to the sign that w >= 0 takes away.
+    return ned_quaternion(ned_q)

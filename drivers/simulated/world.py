@@ -12,8 +12,10 @@ from drivers.simulated.link import CameraSetting, FaultChange, StillRequest, Tru
 from drivers.simulated.mavlink_autopilot import MockAutopilot
 from drivers.simulated.mavlink_payload import MockPayload
 from drivers.simulated.mavlink_wire import MavlinkLink, Received
+from drivers.simulated.ned import Home
 from drivers.simulated.scene import Scene
 from drivers.simulated.setpoint_timing import SetpointTiming
+from drivers.simulated.truth_report import WorldFacts
 
 ToRenderer = TruthState | CameraSetting | StillRequest | FaultChange
 #: Ticks made up for at one go before the event loop gets its turn.
@@ -32,7 +34,7 @@ class World:
         to_renderer: Callable[[ToRenderer], None],
     ) -> None:
         autopilot, seed = settings.autopilot, settings.simulation.seed
-        self._clock, self._to_renderer = clock, to_renderer
+        self._clock, self._to_renderer, self._scene = clock, to_renderer, scene
         self.aircraft = Aircraft(settings, scene)
         self.timing = SetpointTiming()
         self.link = MavlinkLink(autopilot.url, seed=seed)
@@ -57,7 +59,17 @@ class World:
         """The open links."""
         return (self.link,) if self.payload_link is None else (self.link, self.payload_link)
 
-    def start(self) -> None:
+    @property
+    def home(self) -> Home:
+        """Geodetic place of the take-off point."""
+        return self.aircraft.telemetry.home
+
+    @property
+    def airborne(self) -> bool:
+        """Whether the vehicle is off the ground."""
+        return not self.aircraft.body.on_ground
+
+    async def start(self) -> None:
         """Tell the renderer the first state."""
         self._tell_truth()
         self.payload.camera.start()
@@ -112,6 +124,30 @@ class World:
                 self.payload.camera.fault(word)
             self._to_renderer(FaultChange(device, word))
         self.faults_applied.append({"device": device, "word": word, "at_s": round(self.now_s, 3)})
+
+    def facts(self) -> WorldFacts:
+        """Return what is true of the flight so far."""
+        aircraft, gaps = self.aircraft, self.timing.gaps()
+        counts = self.link.counts
+        return WorldFacts(
+            mission_s=self.now_s,
+            setpoint_gap_ms=gaps[0].as_json(),
+            setpoint_gap_wall_ms=gaps[1].as_json(),
+            setpoints=self.timing.count,
+            offboard_losses=aircraft.commander.offboard_losses,
+            landed=aircraft.body.on_ground,
+            armed=aircraft.commander.armed,
+            took_off=aircraft.took_off,
+            touchdown_mps=aircraft.body.touchdown_mps,
+            wind_mean_mps=self._scene.wind_mean_mps,
+            wind_from_deg=self._scene.wind_from_deg,
+            wind_max_mps=aircraft.wind.max_mps,
+            battery_left=round(aircraft.pack.charge, 4),
+            energy_wh=round(aircraft.pack.used_wh, 2),
+            landing_error_m=aircraft.distance_from_launch_m,
+            link={"sent": counts.sent, "received": counts.received, "dropped": counts.dropped},
+            faults=self.faults_applied,
+        )
 
     def _read(self, link: MavlinkLink) -> None:
         link.read(self._clock.now_s())

@@ -1,0 +1,21 @@
+"""Orders to the field process: one line of JSON each."""
+
+from __future__ import annotations
+
+from config.model import ConfigModel
+from config.simulation import Device, Word
+
+
+class FaultOrder(ConfigModel):
+    """Change a device's failure word now."""
+
+    device: Device
+    word: Word
+
+
+class Order(ConfigModel):
+    """What a line of standard input may say."""
+
+    finish: str | None = None
+    """The mission is over: judge this mission folder, write the truth and end."""
+    fault: FaultOrder | None = None
