@@ -152,7 +152,8 @@ class Flight:
         prior = self.observation.hub_prior
         if prior is not None and prior.hub_w is not None:
             return np.array(prior.hub_w)
-        return self.tower_w + np.array([0.0, 0.0, self.turbine.hub_height_m])
+        above: Float = self.tower_w + np.array([0.0, 0.0, self.turbine.hub_height_m])
+        return above
 
     @property
     def normal_w(self) -> Float | None:
@@ -276,7 +277,9 @@ class Flight:
             turbine=self.site.name,
         )
 
-    def sense_blade(self, blade: str, root_w: Float, tip_w: Float, half_width_m: float) -> None:
+    def sense_blade(
+        self, blade: str, side: str, root_w: Float, tip_w: Float, half_width_m: float
+    ) -> None:
         """Let sensing find the blade near its modelled axis."""
         self.task = SensingTask(
             mode=SensingMode.BLADE,
@@ -286,6 +289,7 @@ class Flight:
             normal_w=None if self.rotor is None else self.rotor.normal_w,
             turbine=self.site.name,
             blade=blade,
+            side=side,
             blade_root_w=_vec(root_w),
             blade_tip_w=_vec(tip_w),
             half_width_m=half_width_m,

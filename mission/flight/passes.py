@@ -29,7 +29,7 @@ Mask = NDArray[np.bool_]
 TRACKING_MARGIN_M = 1.0
 GROUND_MARGIN_M = 12.0
 #: The distance changes by at most this per metre of blade: a gentle line to fly.
-MAX_SLOPE = 0.4
+MAX_SLOPE = 0.6
 MIN_STRETCH_M = 2.0
 #: Where the gimbal cannot look along the straight view, the blade is also tried from a place
 #: farther up or down its axis: the view leans along the axis by these angles.
@@ -193,7 +193,7 @@ def plan_side(
 def _nearness(view: _View) -> float:
     """Return what the view's distance is worth: 1 at the wanted one, less from farther away."""
     seen = view.seen
-    return float(np.sqrt(12.0 / view.distance_m[seen]).mean()) if seen.any() else 0.0
+    return float((12.0 / view.distance_m[seen]).mean()) if seen.any() else 0.0
 
 
 def _views(

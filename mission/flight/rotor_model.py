@@ -142,12 +142,16 @@ def rotor_model(
     forward = np.array([normal[0], normal[1], 0.0])
     forward /= np.linalg.norm(forward)
     side = np.array([-forward[1], forward[0], 0.0])
-    box_axes = np.stack([normal, side, np.cross(normal, side)])
-    # The box begins behind the hub; three quarters of it behind the tower's axis is longer than
-    # published nacelles and their cooling tops.
+    # Nacelles stand level, or along the tilted shaft: the box is high enough for both. Where it
+    # begins and ends is not published: from the hub on, the longer of two usual layouts.
+    box_axes = np.stack([forward, side, np.array([0.0, 0.0, 1.0])])
     begin = 0.5 * turbine.hub_radius_m
-    end = turbine.overhang_m + 0.75 * turbine.nacelle_length_m
-    half = [(end - begin) / 2, turbine.nacelle_width_m / 2, turbine.nacelle_height_m / 2]
+    end = max(
+        turbine.overhang_m + 0.75 * turbine.nacelle_length_m,
+        turbine.hub_radius_m + turbine.nacelle_length_m,
+    )
+    level = normal[2] * turbine.overhang_m
+    half = [(end - begin) / 2, turbine.nacelle_width_m / 2, turbine.nacelle_height_m / 2 + abs(level)]
     return RotorModel(
         frames=frames,
         hub_w=hub_w,
@@ -167,7 +171,7 @@ def rotor_model(
             turbine.tower_top_diameter_m / 2 + BASE_INFLATION_M,
         ),
         box_axes=box_axes,
-        box_centre_w=hub_w + normal * (begin + end) / 2,
+        box_centre_w=hub_w + forward * (begin + end) / 2 + np.array([0.0, 0.0, level]),
         box_half=np.array(half) + BASE_INFLATION_M,
         hub_radius_m=1.2 * turbine.hub_radius_m + BASE_INFLATION_M,
         rotor_radius_m=turbine.rotor_radius_m,

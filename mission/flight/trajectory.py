@@ -118,9 +118,13 @@ class Follower:
         return 0.0 if self._path is None else self._path.length_m - self._along_m
 
     def start(self, path: Path) -> None:
-        """Follow a path from its beginning."""
+        """Follow a path from its beginning, at the speed already flown in its direction."""
+        along = 0.0
+        if self._path is not None and self._speed > 0:
+            along = float(self._path.point(self._along_m)[1] @ path.point(0.0)[1])
         self._path, self._along_m, self._hold_w = path, 0.0, None
-        self._speed = self._acceleration = 0.0
+        self._speed *= max(0.0, along)
+        self._acceleration = 0.0
 
     def stop(self) -> None:
         """Forget path and hold point: the next hold is where the vehicle then is."""

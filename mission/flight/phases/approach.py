@@ -14,6 +14,8 @@ from perception.values import Float
 ARC_SPEED_MPS = 5.0
 STILL_S = 15.0
 FRONT_WITHIN_M = 4.0
+#: A goal that moves by more than this is flown to anew.
+MOVED_M = 2.5
 
 
 class Approach:
@@ -42,7 +44,7 @@ class Approach:
         if not self._inward:
             return self._round(flight, hub, normal, yaw)
         goal = hub - normal * flight.settings.estimation.stand_off_m
-        if not self._moving or (self._goal is not None and np.linalg.norm(goal - self._goal) > 1.0):
+        if not self._moving or (self._goal is not None and np.linalg.norm(goal - self._goal) > MOVED_M):
             self._moving, self._goal = True, goal
             speed = flight.settings.guard.max_speed_near_mps
             flight.go(goal[None], speed)

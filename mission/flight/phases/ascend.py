@@ -68,6 +68,8 @@ class Ascend:
             "climb": "climbing beside the tower",
             "circle": "circling to see which way the rotor faces",
         }[self._stage]
+        if self._stage == "survey" and flight.tower_known:
+            return self._next("climb", Intent(words, setpoint=setpoint, gimbal=gimbal))
         if not flight.arrived():
             return Intent(words, setpoint=setpoint, gimbal=gimbal)
         if self._arrived_s is None:
@@ -103,8 +105,6 @@ class Ascend:
 
     def _decide(self, flight: Flight, waited_s: float, hold: Intent) -> Intent:
         if self._stage == "survey":
-            if flight.tower_known:
-                return self._next("climb", hold)
             if waited_s < LOOK_S:
                 return hold
             self._looked += 1

@@ -172,7 +172,10 @@ class Estimate:
                     f"{side_pass.blade} {side_pass.side} "
                     f"{gap.from_m:.0f}-{gap.to_m:.0f} m: {gap.reason}",
                 )
-        flight.open_corridor([leg.line() for leg in found.legs])
+        hub, here = flight.hub_w, flight.here_w
+        outward = (here - hub) / float(np.linalg.norm(here - hub))
+        way_in = np.stack([hub + outward * flight.clear_radius_m, here])
+        flight.open_corridor([way_in, *(leg.line() for leg in found.legs)])
         flight.note("plan", f"{len(found.legs)} legs for {len(found.passes)} sides")
         if not found.legs:
             words = "no side can be flown: " + (
