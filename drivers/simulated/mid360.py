@@ -133,9 +133,11 @@ class Mid360Twin:
             self._foreign = opened(_other_address(self._ip), 0)
             self._listening = [self._command]
             if self._discovery_port is not None:
-                discovery = opened("", self._discovery_port, shared=True)
-                discovery.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
-                self._listening.append(discovery)
+                # Broadcasts are heard on all addresses, and answered from the sensor's own.
+                self._listening.append(opened("", self._discovery_port, shared=True))
+                self._found = opened(self._ip, self._discovery_port, shared=True)
+                self._found.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
+                self._listening.append(self._found)
             self._stack = stack.pop_all()
         self._thread.start()
         self._sender.start()
@@ -268,9 +270,12 @@ class Mid360Twin:
             reply = self._firmware.answer(frame, self._clock.now_s())
         if reply is None:
             return
-        # A real unit answers a discovery to everybody; loopback has no broadcast.
-        everybody = frame.command == Command.DISCOVER and not source[0].startswith("127.")
-        _send(sock, encode_frame(reply), ("255.255.255.255" if everybody else source[0], source[1]))
+        if frame.command != Command.DISCOVER:
+            _send(sock, encode_frame(reply), source)
+            return
+        # A real unit answers everybody; loopback has no broadcast of its own.
+        everybody = "255.255.255.255" if not source[0].startswith("127.") else source[0]
+        _send(self._found, encode_frame(reply), (everybody, source[1]))
 
     def _report(self, sequence: int, now_s: float) -> None:
         with self._lock:

@@ -19,7 +19,7 @@ DELAY_S = 0.8
 _KEPT_FOR_STUCK = 208
 _POINTS_AT = 5
 _DATA_TYPE_AT = 10
-#: (period, time in it that gets through), seconds; slow: 208 packets, one scan, four times a second.
+#: (period, time in it that gets through), seconds. Slow: 208 packets, one scan, 4 times a second.
 _SLOW_S = (0.25, 0.09984)
 _INTERMITTENT_S = (2.0, 1.2)
 
