@@ -20,8 +20,8 @@ from perception.values import Bytes, Float32
 
 #: At EV 0: 1/2000 s at ISO 100.
 _SHUTTER_AT_0_S = 1 / 2000
-_LONGEST_SHUTTER_S = 1 / 800
 _BASE_ISO = 100.0
+_HIGHEST_ISO = 800.0
 _GAIN_AT_0 = 0.62
 _MAX_EV = 9.0
 _LUT_SIZE = 4096
@@ -48,10 +48,14 @@ class Exposure:
 
 
 def exposure_of(ev: float) -> Exposure:
-    """Return shutter time and ISO of an EV: the shutter first, then the amplifier."""
+    """Return shutter time and ISO of an EV.
+
+    Below zero the shutter is shortened. Above, the amplifier comes first, up to ISO 800, because
+    motion blurs a longer exposure; the shutter gives way last.
+    """
     bounded = min(_MAX_EV, max(-_MAX_EV, ev))
-    shutter_s = min(_LONGEST_SHUTTER_S, _SHUTTER_AT_0_S * 2.0**bounded)
-    iso = _BASE_ISO * 2.0**bounded * _SHUTTER_AT_0_S / shutter_s
+    iso = min(_HIGHEST_ISO, _BASE_ISO * 2.0 ** max(0.0, bounded))
+    shutter_s = _SHUTTER_AT_0_S * 2.0**bounded * _BASE_ISO / iso
     return Exposure(bounded, shutter_s, iso)
 
 
@@ -178,7 +182,7 @@ def motion_blur(radiance: Float32, blur_px: float, angle_rad: float) -> Float32:
     return np.asarray(blurred, np.float32)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath=True)
 def _develop(
     radiance: Float32, gain: float, amplification: float, lut: Float32, gauss: Float32, seed: int
 ) -> Bytes:  # pragma: no cover - compiled
@@ -203,7 +207,7 @@ def _develop(
     return out
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath=True)
 def _tint(grey: Bytes, part: Bytes, tint: Float32) -> Bytes:  # pragma: no cover - compiled
     height, width = grey.shape
     out = np.empty((height, width, 3), np.uint8)

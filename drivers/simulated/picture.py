@@ -50,25 +50,32 @@ class Picture:
         ).astype(np.float32)
 
     def draw(self, pose: CameraPose, light: Light, width_px: int, height_px: int) -> Radiance:
-        """Return the picture seen from a pose."""
-        bands = self.draw_in_bands(pose, light, width_px, height_px, height_px)
+        """Return the picture seen from a pose, without the finest texture: for the live view."""
+        bands = self.draw_in_bands(pose, light, width_px, height_px, height_px, fine=False)
         while (drawn := next(bands)) is None:
             pass
         return drawn
 
     def draw_in_bands(
-        self, pose: CameraPose, light: Light, width_px: int, height_px: int, band_px: int
+        self,
+        pose: CameraPose,
+        light: Light,
+        width_px: int,
+        height_px: int,
+        band_px: int,
+        *,
+        fine: bool = True,
     ) -> Iterator[Radiance | None]:
         """Draw in bands of rows; yield None after each but the last, then the picture.
 
         Between two bands the caller may do what is more urgent. Width, height and band are
-        multiples of 4 pixels.
+        multiples of 4 pixels. Without ``fine`` the turbine's texture is that of the grid of rays.
         """
         radiance = np.empty((height_px, width_px), np.float32)
         part = np.empty((height_px, width_px), np.uint8)
         for top in range(0, height_px, band_px):
             bottom = min(height_px, top + band_px)
-            self._draw_band(pose, light, radiance, part, top, bottom)
+            self._draw_band(pose, light, radiance, part, top, bottom, fine=fine)
             if bottom < height_px:
                 yield None
         axis = pose.rotation_wc[:, 2].astype(np.float32)[None]
@@ -84,6 +91,8 @@ class Picture:
         part: Bytes,
         top: int,
         bottom: int,
+        *,
+        fine: bool,
     ) -> None:
         height, width = radiance.shape
         rotation = pose.rotation_wc.astype(np.float32)
@@ -111,7 +120,7 @@ class Picture:
         parts, points, rays, ranges, shades = look(grid_x, grid_y)
         rough = _fill_smooth(
             radiance, part, top, rows, columns, parts, points, rays, ranges, shades,
-            eye, packed, self._length_m, defects.table, defects.first, defects.order,
+            eye, packed, self._length_m, defects.table, defects.first, defects.order, fine,
         )  # fmt: skip
         if len(rough):
             within = np.arange(_BLOCK * _BLOCK)
@@ -122,7 +131,7 @@ class Picture:
             part[y, x] = edge_parts
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath=True)
 def _directions(
     x: Float32, y: Float32, rotation: Float32, focal_px: float, width: int, height: int
 ) -> Float32:  # pragma: no cover - compiled
@@ -137,7 +146,7 @@ def _directions(
     return out
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath=True)
 def _is_smooth(
     a: int, b: int, c: int, d: int, parts: Bytes, points: Float32, ranges: Float32
 ) -> bool:  # pragma: no cover - compiled
@@ -163,7 +172,7 @@ def _is_smooth(
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath=True)
 def _fill_smooth(
     radiance: Float32,
     part: Bytes,
@@ -181,6 +190,7 @@ def _fill_smooth(
     table: Float32,
     first: NDArray[np.int32],
     order: NDArray[np.int32],
+    fine: bool,
 ) -> NDArray[np.int64]:  # pragma: no cover - compiled
     """Fill the smooth blocks of a band; return (M, 2) upper left pixels (y, x) of the others."""
     rough = np.empty(((rows - 1) * (columns - 1), 2), np.int64)
@@ -202,7 +212,7 @@ def _fill_smooth(
                     u = np.float32(j / _BLOCK)
                     wa, wb, wc, wd = (1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v
                     part[y0 + i, x0 + j] = p
-                    if p > _HUB:
+                    if p > _HUB or not fine:
                         radiance[y0 + i, x0 + j] = (
                             wa * shades[a] + wb * shades[b] + wc * shades[c] + wd * shades[d]
                         )

@@ -104,6 +104,7 @@ class Renderer:
         Scanner(self._caster, history, self._settings.lidar, 0).scan(0.0, 0.01)
         pose = CameraPose(0.0, np.array([0.0, -60.0, 40.0]), np.eye(3))
         self._live.warm_up(pose)
+        self._stills.warm_up(pose)
 
     def take(self, message: object) -> str | None:
         """Take a message of the world; the answer to `Finish` is the judgement's text."""

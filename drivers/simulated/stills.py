@@ -62,6 +62,11 @@ class StillCamera:
         self.truths: dict[int, StillTruth] = {}
         folder.mkdir(parents=True, exist_ok=True)
 
+    def warm_up(self, pose: CameraPose) -> None:
+        """Draw and develop a small photo for nobody, so that the first one is not late."""
+        drawn = self._picture.draw(pose, self._sky.at(0.0), 64, 64)
+        develop_colour(drawn.radiance, drawn.part, self._control.exposure(0.0), 0)
+
     def take(
         self, request: StillRequest, pose: CameraPose, state: TruthState
     ) -> Iterator[StillDone | None]:

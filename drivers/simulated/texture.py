@@ -70,14 +70,14 @@ def _kind(rng: np.random.Generator, chord_m: float) -> tuple[float, float, float
     return float(rng.uniform(0.3, 1.6)), float(rng.uniform(0.02, 0.08)), 0.0, 0.25
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, fastmath=True, inline="always")
 def _hash(x: int, y: int) -> float:  # pragma: no cover - compiled
     n = np.uint32(x) * np.uint32(374761393) + np.uint32(y) * np.uint32(668265263)
     n = (n ^ (n >> np.uint32(13))) * np.uint32(1274126177)
     return float((n ^ (n >> np.uint32(16))) & np.uint32(0xFFFF)) / 65535.0
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath=True)
 def value_noise(x: float, y: float) -> float:  # pragma: no cover - compiled
     """Return smooth noise in [0, 1] with a grain of 1."""
     i, j = int(np.floor(x)), int(np.floor(y))
@@ -88,7 +88,7 @@ def value_noise(x: float, y: float) -> float:  # pragma: no cover - compiled
     return low * (1 - v) + high * v
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath=True)
 def blade_albedo(
     blade: int,
     metre: float,
