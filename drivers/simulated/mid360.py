@@ -61,7 +61,8 @@ class Mid360Twin:
         serial: up to 15 ASCII characters.
         spin_up_s: mission time from idle to sampling (a real unit: 6-10 s).
         seed: of the garbage that a fault sends.
-        discovery_port: where discoveries are heard; None: not at all.
+        discovery_port: where discoveries are heard; None: at 56000 where the command port is the
+            standard one, else not at all, since several simulations may run on a host.
     """
 
     def __init__(
@@ -72,7 +73,7 @@ class Mid360Twin:
         serial: str = "47MDSIM00000001",
         spin_up_s: float = 2.0,
         seed: int = 0,
-        discovery_port: int | None = DISCOVERY_PORT,
+        discovery_port: int | None = None,
     ) -> None:
         self._clock = clock
         self._settings = settings
@@ -81,7 +82,8 @@ class Mid360Twin:
         self._lock = threading.Lock()
         self._fault = StreamFault(np.random.default_rng(seed))
         self._sender = PacedSender(clock)
-        self._discovery_port = discovery_port
+        self._standard = settings.lidar_command_port == _STANDARD_COMMAND_PORT
+        self._discovery_port = discovery_port or (DISCOVERY_PORT if self._standard else None)
         self._stack = ExitStack()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._serve, name="mid360-firmware", daemon=True)
@@ -121,8 +123,7 @@ class Mid360Twin:
 
     def start(self) -> None:
         """Open the ports and begin to answer; OSError where a port is taken."""
-        standard = self._settings.lidar_command_port == _STANDARD_COMMAND_PORT
-        push, points, imu = _STANDARD_SOURCES if standard else (0, 0, 0)
+        push, points, imu = _STANDARD_SOURCES if self._standard else (0, 0, 0)
         with ExitStack() as stack:
 
             def opened(ip: str, port: int, *, shared: bool = False) -> socket.socket:

@@ -73,7 +73,7 @@ class World:
 async def flying(settings, tmp_path, **twin_arguments):
     SharedClockWriter(tmp_path / "clock", FACTOR, start_s=500.0)
     clock = SharedClock(tmp_path / "clock")
-    arguments = {"spin_up_s": 0.2, "discovery_port": None} | twin_arguments
+    arguments = {"spin_up_s": 0.2} | twin_arguments
     with Mid360Twin(settings, clock, **arguments) as twin:
         world = World(settings, clock, twin)
         world._thread.start()
