@@ -164,9 +164,9 @@ class AutopilotLink:
                 raise ValueError(f"unknown action {action!r}")
         except Refused as error:
             await asyncio.sleep(_REASON_S)
-            words = [
+            words = dict.fromkeys(
                 t.text for t in self._state.texts() if t.stamp_s >= started and t.severity <= 4
-            ]
+            )
             if words:
                 raise Refused(f"{error}: {'; '.join(words)}") from error
             raise

@@ -8,7 +8,6 @@ by command, and taken again when nobody has it; a person who took it keeps it.
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import json
 import logging
 import math
@@ -31,6 +30,7 @@ _LOCK_ROLL_PITCH_YAW = 4 | 8 | 16
 _YAW_LOCK, _YAW_IN_VEHICLE_FRAME, _YAW_IN_EARTH_FRAME = 16, 32, 64
 _ATTITUDE_RATE_HZ = 30.0
 _UNCHANGED = -1.0
+_AUTOPILOT = 1
 _OURSELVES = (OWN_SYSTEM, OWN_COMPONENT)
 _NOBODY = (0, 0)
 
@@ -131,18 +131,19 @@ class GimbalLink:
             await asyncio.sleep(0.1 if self._manager is None else 1.0)
 
     async def _look_for_manager(self) -> None:
-        for component in (self._settings.component_id, 1):
-            with contextlib.suppress(Refused):
-                await self._wire.command(
+        await asyncio.gather(
+            *(
+                self._wire.command(
                     "gimbal manager information",
                     _REQUEST_MESSAGE,
                     (float(_MANAGER_INFORMATION),),
                     component,
                     tries=1,
                 )
-            await asyncio.sleep(0.05)
-            if self._manager is not None:
-                return
+                for component in (self._settings.component_id, _AUTOPILOT)
+            ),
+            return_exceptions=True,
+        )
 
     async def _take_control(self, manager: int) -> None:
         await self._wire.command(

@@ -163,7 +163,8 @@ class VideoStream:
                 "probesize": "32",
                 "fpsprobesize": "0",
             },
-            timeout=(self._timeout_s, self._timeout_s),
+            # A read that times out yields the picture held back by the parser; the next one ends.
+            timeout=(self._timeout_s, self._timeout_s / 2),
         ) as container:
             if not container.streams.video:
                 raise ValueError("no video in the stream")

@@ -1,0 +1,121 @@
+import math
+
+import pytest
+
+from drivers.autopilot_state import VehicleMode, VehicleState, mode_of
+from drivers.autopilot_wire import Received
+from drivers.clock import MonotonicClock
+
+S = 1_000_000_000
+
+
+def message(name: str, arrival_s: float = 100.0, **fields: object) -> Received:
+    return Received(name, 1, fields, int(arrival_s * S))
+
+
+def position(boot_s: float, x: float = 0.0, vx: float = 0.0, arrival_s: float = 0.0) -> Received:
+    return message(
+        "LOCAL_POSITION_NED",
+        arrival_s or 100.0 + boot_s,
+        time_boot_ms=int(boot_s * 1000),
+        x=x,
+        y=2.0,
+        z=-30.0,
+        vx=vx,
+        vy=0.0,
+        vz=0.5,
+    )
+
+
+def known_state() -> VehicleState:
+    state = VehicleState(MonotonicClock())
+    state.take(message("HEARTBEAT", base_mode=0x81, custom_mode=6 << 16))
+    state.take(position(1.0, x=7.0))
+    state.take(message("ATTITUDE_QUATERNION", 101.0, time_boot_ms=1000, q1=1.0, q2=0, q3=0, q4=0))
+    return state
+
+
+def test_nothing_is_told_before_mode_position_and_attitude_are_known() -> None:
+    state = VehicleState(MonotonicClock())
+    assert state.reading() is None
+    state.take(position(1.0))
+    assert state.reading() is None
+
+
+def test_a_reading_is_in_east_north_up() -> None:
+    reading = known_state().reading()
+    assert reading is not None
+    assert reading.position_w == (2.0, 7.0, 30.0)
+    assert reading.velocity_w == (0.0, 0.0, -0.5)
+    assert reading.yaw_rad == pytest.approx(math.pi / 2)
+    assert reading.armed
+    assert reading.mode is VehicleMode.OFFBOARD
+
+
+@pytest.mark.parametrize(
+    ("main", "sub", "mode"),
+    [
+        (6, 0, "offboard"),
+        (4, 2, "takeoff"),
+        (4, 3, "hold"),
+        (4, 5, "return"),
+        (4, 6, "land"),
+        (4, 4, "pilot"),
+        (3, 0, "pilot"),
+        (1, 0, "pilot"),
+        (0, 0, "unknown"),
+    ],
+)
+def test_whatever_we_do_not_fly_ourselves_is_the_pilots(main: int, sub: int, mode: str) -> None:
+    assert mode_of(main << 16 | sub << 24) == mode
+
+
+def test_a_position_that_waited_on_its_way_keeps_its_own_time() -> None:
+    state = known_state()
+    state.take(position(1.02, x=7.0, arrival_s=102.5))
+    reading = state.reading()
+    assert reading is not None
+    assert reading.stamp_s == pytest.approx(101.02)
+
+
+def test_a_step_without_velocity_is_a_reset_and_a_fast_flight_is_none() -> None:
+    state = known_state()
+    state.take(position(1.02, x=7.1, vx=5.0))
+    state.take(position(1.04, x=7.2, vx=5.0))
+    state.take(position(1.06, x=9.5, vx=5.0))
+    reading = state.reading()
+    assert reading is not None
+    assert reading.reset_count == 1
+
+
+def test_the_estimators_own_reset_counter_is_heard() -> None:
+    state = known_state()
+    for count in (3, 3, 4, 4):
+        state.take(message("ODOMETRY", reset_counter=count))
+    reading = state.reading()
+    assert reading is not None
+    assert reading.reset_count == 1
+
+
+def test_what_is_not_a_number_is_not_taken() -> None:
+    state = known_state()
+    state.take(message("LOCAL_POSITION_NED", time_boot_ms=2000, x=None, y=0, z=0, vx=0, vy=0, vz=0))
+    state.take(message("ATTITUDE_QUATERNION", time_boot_ms=2000, q1=None, q2=0, q3=0, q4=0))
+    state.take(message("WIND_COV", wind_x=None, wind_y=1.0, wind_z=0.0))
+    reading = state.reading()
+    assert reading is not None
+    assert reading.position_w == (2.0, 7.0, 30.0)
+    assert reading.wind_w is None
+
+
+def test_an_unknown_charge_is_no_charge_reading() -> None:
+    state = known_state()
+    state.take(message("BATTERY_STATUS", id=0, battery_remaining=-1))
+    reading = state.reading()
+    assert reading is not None
+    assert reading.battery is None
+    state.take(message("BATTERY_STATUS", id=0, battery_remaining=55))
+    state.take(message("SYS_STATUS", battery_remaining=12))
+    reading = state.reading()
+    assert reading is not None
+    assert reading.battery == 0.55
