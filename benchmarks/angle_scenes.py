@@ -66,6 +66,7 @@ class AngleScene:
     stop_angle_deg: float
     hub_w: Float
     normal_w: Float
+    tower_down_w: Float
     pitch_deg: tuple[float, float, float]
     """At stop angle + 0, 120, 240 deg."""
     plan: Planform = field(repr=False)
@@ -187,6 +188,7 @@ def _without_droop(plan: Planform) -> Planform:
         plan.pitch_axis,
         plan.camber,
         plan.trailing_edge,
+        plan.fullness,
         0.0,
         0.0,
     )
@@ -264,6 +266,7 @@ def _look(world: _World, rng: np.random.Generator, opt: SceneOptions) -> AngleSc
         world.stop_angle_deg,
         mean_told + turn @ (world.hub - mean_true),
         turn @ world.normal,
+        turn @ world.tower_down,
         world.pitch,
         world.plan,
     )

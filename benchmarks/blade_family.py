@@ -33,6 +33,8 @@ class Planform:
     camber: float
     trailing_edge: float
     """Thickness of the trailing edge as a share of the chord."""
+    fullness: float
+    """Greatest thickness at 0.3 ** fullness of the chord: 0.24 (1.2) to 0.36 (0.85)."""
     sag_flap: float
     """Tip deflection under its own weight, flatwise, as a share of the length."""
     sag_edge: float
@@ -80,22 +82,30 @@ def draw_planform(rng: np.random.Generator) -> Planform:
         axis,
         rng.uniform(0.01, 0.035),
         rng.uniform(0.004, 0.02),
+        rng.uniform(0.85, 1.2),
         sag,
         sag * rng.uniform(0.15, 0.35),
     )
 
 
-def section_outline(thickness: float, camber: float, trailing_edge: float) -> Float:
+def section_outline(
+    thickness: float, camber: float, trailing_edge: float, fullness: float
+) -> Float:
     """Return an outline (AROUND, 2): x from LE (0) to TE (1), y positive to the suction side."""
     angle = np.linspace(0, 2 * np.pi, AROUND, endpoint=False)
     x = 0.5 + 0.5 * np.cos(angle)
     upper = np.sin(angle) >= 0
+    place, x = x, x ** (1.0 / fullness)
+    # The nose stays round: its law is the square root of the distance whatever the fullness.
+    blunt = np.clip(place / 0.05, 1e-6, 1) ** (0.5 - 0.5 / fullness)
     airfoil = (
         5.0
         * thickness
         * (0.2969 * np.sqrt(x) - 0.1260 * x - 0.3516 * x**2 + 0.2843 * x**3 - 0.1036 * x**4)
         + 0.5 * trailing_edge * x
     )
+    airfoil = airfoil * blunt
+    x = place
     round_half = thickness * np.sqrt(np.clip(x * (1 - x), 0, None))
     share = float(np.clip((thickness - 0.40) / 0.50, 0, 1))  # circular towards the root
     half = share * round_half + (1 - share) * airfoil
@@ -122,7 +132,9 @@ def blade_mesh(
         plan.sag_flap * (down @ flat) * flat + plan.sag_edge * (down @ edge) * edge
     )
     for k, s in enumerate(plan.span):
-        outline = section_outline(float(plan.thickness[k]), plan.camber, plan.trailing_edge)
+        outline = section_outline(
+            float(plan.thickness[k]), plan.camber, plan.trailing_edge, plan.fullness
+        )
         a = p + np.deg2rad(plan.twist_deg[k])
         to_le = np.array([-sense * np.cos(a), -np.sin(a)])
         to_ps = np.array([sense * np.sin(a), -np.cos(a)])

@@ -16,6 +16,8 @@ from perception.values import Float
 
 STATIONS = 72
 VERTICES = 28
+BLUNTNESS = 1.05
+"""Exponent m of thin sections: the greatest thickness lies at 1 / (1 + 2 m) of the chord."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,7 +83,7 @@ def _outlines(thickness: Float, camber: float) -> tuple[Float, Float]:
     around = np.linspace(0.0, 2 * np.pi, VERTICES, endpoint=False)
     x = 0.5 + 0.5 * np.cos(around)
     roundness = np.clip((thickness - 0.42) / 0.5, 0, 1)[:, None]
-    m = 1.0 - 0.5 * roundness
+    m = BLUNTNESS - (BLUNTNESS - 0.5) * roundness
     peak = 0.5 / (0.5 + m)
     half = x**0.5 * (1 - x) ** m / (peak**0.5 * (1 - peak) ** m) * 0.5 * thickness[:, None]
     line = (1 - roundness) * camber * 4 * x * (1 - x)

@@ -16,11 +16,11 @@ from perception.rotor import direction_at
 from perception.values import Float
 
 BIN_M = 0.5
-EDGE_SHARE = 0.04
+EDGE_SHARE = 0.02
 MIN_EDGE_POINTS = 5
 KEEP_OF_WIDEST = 0.8
 POINTS_PER_BIN = 12
-POINT_SIGMA_M = 0.05
+POINT_SIGMA_M = 0.075
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,9 +91,10 @@ def collect_blades(
     columns = [np.concatenate([p[i] for p in parts]) for i in range(7)]
     blade, kind = columns[0].astype(np.int64), columns[4].astype(np.int64)
     bins = (columns[1] / BIN_M).astype(int)
-    fine = (kind == 0) | np.array(
-        [edge_ok.get((int(b), int(i)), False) for b, i in zip(blade, bins, strict=True)], bool
-    )
+    table = np.zeros((3, max(int(bins.max(initial=0)) + 1, 1)), bool)
+    for (k, i), good in edge_ok.items():
+        table[k, i] = good
+    fine = (kind == 0) | table[blade, bins]
     return BladeData(
         blade[fine],
         columns[1][fine],
@@ -131,7 +132,7 @@ def _one_blade(k: int, r: Float, v: Float, w: Float) -> tuple[NDArray[np.float64
             low, high = ranked[int(EDGE_SHARE * (n - 1))], ranked[-1 - int(EDGE_SHARE * (n - 1))]
             width = v[high] - v[low]
             middle = float(r[a:b].mean())
-            blur = math.hypot(0.03, width / (n + 1) * 0.8)
+            blur = math.hypot(0.045, width / (n + 1) * 1.2)
             inset = width * (1.0 / (n + 1) + (0.04 if n > 12 else 0.0)) * 0.6
             rows.append(
                 np.array(
@@ -161,6 +162,6 @@ def _visible(widths: list[dict[int, float]]) -> dict[tuple[int, int], bool]:
     for k, of_blade in enumerate(widths):
         last = max(of_blade, default=0)
         for i, width in of_blade.items():
-            near = [of_blade[j] for j in range(i - 4, i + 3) if j in of_blade]
-            ok[k, i] = i < last and width > KEEP_OF_WIDEST * float(np.median(near))
+            near = sorted(of_blade[j] for j in range(i - 4, i + 3) if j in of_blade)
+            ok[k, i] = i < last and width > KEEP_OF_WIDEST * near[len(near) // 2]
     return ok

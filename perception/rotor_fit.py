@@ -256,9 +256,7 @@ def _stations(table: SectionTable) -> Float:
     )
 
 
-def _prior(
-    published: bool, turbine: Turbine | None, radius: float
-) -> tuple[Float, Float]:
+def _prior(published: bool, turbine: Turbine | None, radius: float) -> tuple[Float, Float]:
     """Return the mean (P,) and information matrix (P, P) of the parameters."""
     k = kernel
     mean, sigma = np.zeros(k.PARAMETERS), np.full(k.PARAMETERS, 1e3)
@@ -378,8 +376,12 @@ class _Solver:
             limit[kernel.SAG] = 1.0
             step = np.clip(step, -limit, limit)
             params += step
-            params[kernel.CHORD : kernel.AXIS] = np.clip(params[kernel.CHORD : kernel.AXIS], -0.4, 0.5)
-            params[kernel.THICK : kernel.TWIST] = np.clip(params[kernel.THICK : kernel.TWIST], -0.5, 0.7)
+            params[kernel.CHORD : kernel.AXIS] = np.clip(
+                params[kernel.CHORD : kernel.AXIS], -0.4, 0.5
+            )
+            params[kernel.THICK : kernel.TWIST] = np.clip(
+                params[kernel.THICK : kernel.TWIST], -0.5, 0.7
+            )
             if (
                 np.abs(step[: kernel.PREBEND]).max() < 1e-4
                 and np.abs(step[kernel.PITCH : kernel.CHORD]).max() < 2e-3
@@ -389,7 +391,11 @@ class _Solver:
 
     def last(self, params: Float) -> tuple[Float, float, Float]:
         cost = self.cost(params)
-        return self._jtj + self._info + np.eye(kernel.PARAMETERS) * 1e-9, cost, self._residual.copy()
+        return (
+            self._jtj + self._info + np.eye(kernel.PARAMETERS) * 1e-9,
+            cost,
+            self._residual.copy(),
+        )
 
 
 def _start_pitches(solver: _Solver, params: Float, data: BladeData) -> Float:

@@ -163,9 +163,7 @@ def normal_equations(  # type: ignore[no-untyped-def]  # compiled; called from r
         row[ANGLE], row[CONE] = n_v * r[m], -n_w * r[m]
         row[PREBEND] = p0 * (sense * sp * n_v - cp * n_w)
         row[SAG] = bend_v * n_v + bend_w * n_w
-        d_chord = (
-            n_v * (along * le_v + up * ps_v) + n_w * (along * le_w + up * ps_w)
-        ) / scale
+        d_chord = (n_v * (along * le_v + up * ps_v) + n_w * (along * le_w + up * ps_w)) / scale
         d_axis = chord * (n_v * le_v + n_w * le_w)
         d_fat = -sy * chord * (n_v * ps_v + n_w * ps_w)
         d_turn = n_v * turned_v + n_w * turned_w

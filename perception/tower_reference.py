@@ -19,7 +19,7 @@ MIN_LENGTH_M = 3.0
 GRAVITY_SIGMA_RAD = math.radians(0.6)
 """How far the tower may stand from gravity as told: lean 0.25-0.5 deg, attitude 0.5 deg."""
 POINT_SIGMA_M = 0.03
-SYSTEMATIC_M = 0.02
+SYSTEMATIC_M = 0.008
 """Of one end of the axis against the other: bands, ladders, taper that is not linear."""
 
 
@@ -67,7 +67,7 @@ def tower_reference(
     if length < MIN_LENGTH_M or not 0.2 < params[4] < 5.0:
         return None
     lean_x, lean_y = params[1], params[3]
-    sigma = math.hypot(math.sqrt(covariance[1, 1]) * 2.0, SYSTEMATIC_M / length)
+    sigma = math.hypot(math.sqrt(covariance[1, 1]) * 1.2, SYSTEMATIC_M / length)
     weight = GRAVITY_SIGMA_RAD**2 / (GRAVITY_SIGMA_RAD**2 + sigma**2)
     if abs(lean_x) > 4 * math.hypot(GRAVITY_SIGMA_RAD, sigma):
         return None
@@ -106,7 +106,7 @@ def _step(params: Float, x: Float, y: Float, z: Float) -> tuple[Float, Float]:
     weight = 1.0 / np.maximum(1.0, np.abs(error) / (1.5 * POINT_SIGMA_M)) / POINT_SIGMA_M**2
     info = (jac * weight[:, None]).T @ jac
     # Priors: near vertical, taper of real towers.
-    prior = np.array([0, 1 / 0.05**2, 0, 1 / 0.02**2, 1 / 0.6**2, 1 / 0.01**2])
+    prior = np.array([0, 1 / 0.05**2, 0, 1 / 0.02**2, 1 / 0.6**2, 1 / 0.006**2])
     pull = prior * (np.array([0, 0, 0, 0, params[4], 0.01]) - params)
     system = info + np.diag(prior + 1e-9)
     step = np.linalg.solve(system, -(jac * weight[:, None]).T @ error + pull)
