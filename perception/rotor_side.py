@@ -119,6 +119,8 @@ def arms_height(blade: Float, upwind_w: Float, sigma_m: float) -> tuple[float, f
 def _arm_scores(lateral: Float, height: Float, lifts: Float) -> Float:
     """Return, for each height of the hub, how well three arms cover the points."""
     scores = np.zeros(len(lifts))
+    angles = np.deg2rad(2.0 * np.arange(180))
+    sines, cosines = np.sin(angles), np.cos(angles)
     for k in range(len(lifts)):
         for step in range(60):
             total = 0.0
@@ -126,10 +128,10 @@ def _arm_scores(lateral: Float, height: Float, lifts: Float) -> Float:
                 z = height[n] - lifts[k]
                 nearest = 9.0
                 for arm in range(3):
-                    angle = np.deg2rad(2.0 * step + 120.0 * arm)
-                    along = lateral[n] * np.sin(angle) - z * np.cos(angle)
+                    sine, cosine = sines[step + 60 * arm], cosines[step + 60 * arm]
+                    along = lateral[n] * sine - z * cosine
                     if along > 0:
-                        aside = abs(lateral[n] * np.cos(angle) + z * np.sin(angle))
+                        aside = abs(lateral[n] * cosine + z * sine)
                         nearest = min(nearest, aside)
                 if nearest < 1.5:
                     total += 1.0 - nearest / 1.5

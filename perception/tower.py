@@ -24,7 +24,7 @@ INLIER_M = 0.3
 REACH_M = 6.0
 MAX_LEAN = math.tan(math.radians(2.0))
 #: Points that vote on the centre; the refinement uses all.
-VOTERS = 500
+VOTERS = 300
 #: Something must be seen this far above the last ring, or the view ended rather than the tower.
 ABOVE_M = 3.0
 
@@ -128,7 +128,7 @@ def _vote(points: Float, cell_xy: Float, turbine: Turbine | None) -> Float:
         low = points[:, 2].min()
         typical = float(np.clip(base + taper * (middle - low), top, base))
         radii = typical * np.array([0.85, 1.0, 1.15])
-    steps = np.arange(-REACH_M, REACH_M + 0.01, 0.4)
+    steps = np.arange(-REACH_M, REACH_M + 0.01, 0.5)
     some = np.linspace(0, len(points) - 1, min(len(points), VOTERS)).astype(np.int64)
     x, y, radius = _best_circle(points[some, :2] - cell_xy, height[some], steps, radii, taper)
     return np.array([x + cell_xy[0], y + cell_xy[1], 0.0, 0.0, radius, taper])
