@@ -99,6 +99,7 @@ class ExposureControl:
                     await self._apply_newest()
             except (Refused, LinkFailed) as error:
                 self.refusals += 1
+                self._tried = None  # tried again, for the answer may only have been lost
                 if self.refusals == 1:
                     _log.warning("exposure: %s", error)
                 await asyncio.sleep(_RETRY_S if self.refusals > 1 else 0.0)

@@ -121,7 +121,7 @@ class GimbalLink:
             try:
                 if self._manager is None:
                     await self._look_for_manager()
-                elif not self._in_control and self._owner in (None, _NOBODY):
+                if self._manager is not None and self._owner in (None, _NOBODY):
                     await self._take_control(self._manager)
                 if self._manager is not None and not asked_rate:
                     asked_rate = True
@@ -168,6 +168,7 @@ class GimbalLink:
             _SET_MESSAGE_INTERVAL,
             (float(message), 1e6 / _ATTITUDE_RATE_HZ),
             component,
+            tries=1,
         )
 
     def _take_information(self, message: Received) -> None:

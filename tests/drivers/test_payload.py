@@ -145,3 +145,26 @@ async def test_a_camera_that_clamps_shows_its_limit(fly_vehicle: Start) -> None:
         camera = payload.camera()
         assert camera is not None
         assert (camera.ev, camera.max_ev) == (pytest.approx(1.0), pytest.approx(1.0))
+
+
+async def test_a_camera_that_rejects_ev_is_asked_again_and_photos_go_on(
+    fly_vehicle: Start, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("drivers.payload_exposure._RETRY_S", 0.1)
+    vehicle, photos = await fly_vehicle(), Photos()
+    async with (
+        AutopilotLink(vehicle.settings.autopilot, vehicle.clock) as link,
+        Payload(link, vehicle.settings, vehicle.clock, photos.take, photos.fail) as payload,
+    ):
+        await until(lambda: payload.exposure_known)
+        vehicle.truth.fault("camera", "stuck")
+        payload.want_ev(1.0)
+        payload.take_photo(1)
+        await until(lambda: len(photos.taken) == 1)
+        await asyncio.sleep(0.5)
+        camera = payload.camera()
+        assert camera is not None
+        assert camera.ev == 0.0
+        assert sum("exposure" in record.message for record in caplog.records) == 1
+        vehicle.truth.fault("camera", "ok")
+        await until(lambda: (c := payload.camera()) is not None and c.ev == pytest.approx(1.0))
