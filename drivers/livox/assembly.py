@@ -76,9 +76,14 @@ class ScanAssembler:
         """Where the next datagram is to be received."""
         return self._views[len(self._headers)]
 
-    def observe(self, arrival_s: float) -> None:
-        """Tell that the newest packet used was here at a mission time."""
-        self._clock.observe(self.newest_ns, arrival_s)
+    def observe(self, sensor_ns: int, arrival_s: float) -> None:
+        """Tell that something of this sensor time was here at a mission time.
+
+        IMU samples count too: they share the clock of the points, and leave at once where points
+        may wait to be complete.
+        """
+        if sensor_ns <= self._limit_ns:
+            self._clock.observe(sensor_ns, arrival_s)
         self.expect(arrival_s)
 
     def expect(self, now_s: float) -> None:
@@ -133,10 +138,10 @@ class ScanAssembler:
         return Scan(
             stamp_s=self._clock.mission_s(newest_ns),
             sequence=self.scans,
-            points_l=found.points_l[kept],
-            age_s=_ages(headers, newest_ns, found.place[kept]),
-            reflectivity=found.reflectivity[kept],
-            tag=found.tag[kept],
+            points_l=found.points_l.take(kept, axis=0),
+            age_s=_ages(headers, newest_ns, found.place.take(kept)),
+            reflectivity=found.reflectivity.take(kept),
+            tag=found.tag.take(kept),
             lost_packets=lost,
         )
 
@@ -197,5 +202,5 @@ def _ages(headers: list[Header], newest_ns: int, place: NDArray[np.intp]) -> Flo
     first_s = np.array([(newest_ns - header.stamp_ns) * 1e-9 for header in headers], np.float32)
     step_s = np.float32(headers[0].interval_ns * 1e-9 / max(points - 1, 1))
     packet = place // points
-    age_s: Float32 = first_s[packet] - (place - packet * points).astype(np.float32) * step_s
+    age_s: Float32 = first_s.take(packet) - (place - packet * points).astype(np.float32) * step_s
     return np.maximum(age_s, np.float32(0))

@@ -143,10 +143,10 @@ class Receiver:
         points_fd = sockets.points.fileno()
         while not self._stopping:
             ready = {fd for fd, _ in poll.poll(_IDLE_MS)}
-            if points_fd in ready:
-                self._drain_points(sockets.points)
             if sockets.imu.fileno() in ready:
                 self._drain_imu(sockets.imu)
+            if points_fd in ready:
+                self._drain_points(sockets.points)
             for sock in (sockets.push, sockets.command):
                 if sock.fileno() in ready:
                     self._drain_frames(sock)
@@ -186,7 +186,7 @@ class Receiver:
     def _observe(self) -> None:
         """Map the newest stamp to now: of a batch it is the one that waited least."""
         now_s = self._clock.mission_time_of(time.monotonic_ns())
-        self._assembler.observe(now_s)
+        self._assembler.observe(self._assembler.newest_ns, now_s)
         self._last_points_s = now_s
         self._session.on_points(now_s)
 
@@ -202,8 +202,13 @@ class Receiver:
                 self._dropped[Dropped.MALFORMED] += 1
             else:
                 samples.append(sample)
+        if not samples:
+            return
         self._imu_count += len(samples)
-        if samples and self._on_imu is not None and self._sensor_clock.offset_s is not None:
+        self._assembler.observe(
+            samples[-1].stamp_ns, self._clock.mission_time_of(time.monotonic_ns())
+        )
+        if self._on_imu is not None and self._sensor_clock.offset_s is not None:
             mission_s = self._sensor_clock.mission_s
             self._on_imu(
                 tuple(ImuReading(mission_s(s.stamp_ns), s.gyro_rps, s.acc_g) for s in samples)

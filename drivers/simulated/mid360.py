@@ -46,6 +46,10 @@ from perception.values import Bytes, Float32
 _STANDARD_COMMAND_PORT = 56100
 _STANDARD_SOURCES = (56200, 56300, 56400)
 _IMU_PERIOD_NS = 5_000_000
+_UPTIME_NS = 1_000_000_000
+"""How long a sensor's clock runs before it can be asked anything."""
+_IMU_BACKLOG_NS = 100_000_000
+_WITHOUT_IMU = frozenset({"off", "stuck", "garbage", "wrong"})
 _PUSH_PERIOD_S = 1.0
 _POLL_S = 0.02
 _MAX_GAP_NS = 1_000_000
@@ -81,17 +85,17 @@ class Mid360Twin:
         self._firmware = Firmware(settings, serial, spin_up_s)
         self._lock = threading.Lock()
         self._fault = StreamFault(np.random.default_rng(seed))
-        self._sender = PacedSender(clock)
+        self._sender = PacedSender(clock, self._send_imu)
         self._standard = settings.lidar_command_port == _STANDARD_COMMAND_PORT
         self._discovery_port = discovery_port or (DISCOVERY_PORT if self._standard else None)
         self._stack = ExitStack()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._serve, name="mid360-firmware", daemon=True)
-        self._switched_on_ns = round(clock.now_s() * 1e9)
+        self._switched_on_ns = round(clock.now_s() * 1e9) - _UPTIME_NS
         self._boots = self._firmware.boots
         self._carry: Records = np.zeros(0, POINT)
         self._carry_ns = 0
-        self._number = self._imu_number = 0
+        self._number = self._imu_number = self._imu_next_ns = 0
         self._motion = ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
 
     def __enter__(self) -> Self:
@@ -118,7 +122,7 @@ class Mid360Twin:
 
     @property
     def sent(self) -> int:
-        """Datagrams of points and IMU sent so far."""
+        """Point packets sent so far."""
         return self._sender.sent
 
     def start(self) -> None:
@@ -192,7 +196,7 @@ class Mid360Twin:
         nobody has told it where to send, nothing is sent.
         """
         with self._lock:
-            self._start_anew_after_boot(t_first_ns)
+            self._start_anew_after_boot()
             to = self._firmware.destination(Key.POINT_DESTINATION)
             if to is None or not self.sampling:
                 self._carry = self._carry[:0]
@@ -217,15 +221,14 @@ class Mid360Twin:
                 for at, one in enumerate(outgoing)
                 if one is not None
             ]
-            timed += self._imu_packets(first_ns, first_ns + len(packets) * step_ns, delay_s)
-        timed.sort(key=lambda one: one.due_s)
         self._sender.put(timed)
 
-    def _start_anew_after_boot(self, now_ns: int) -> None:
+    def _start_anew_after_boot(self) -> None:
         if self._boots == self._firmware.boots:
             return
-        self._boots, self._switched_on_ns = self._firmware.boots, now_ns
-        self._number = self._imu_number = 0
+        self._boots = self._firmware.boots
+        self._switched_on_ns = round(self._clock.now_s() * 1e9) - _UPTIME_NS
+        self._number = self._imu_number = self._imu_next_ns = 0
         self._carry = self._carry[:0]
         self._sender.clear()
 
@@ -239,17 +242,31 @@ class Mid360Twin:
         self._carry, self._carry_ns = records[whole:], t_first_ns + whole * interval_ns
         return t_first_ns, records[:whole]
 
-    def _imu_packets(self, first_ns: int, end_ns: int, delay_s: float) -> list[Timed]:
-        to = self._firmware.destination(Key.IMU_DESTINATION)
-        if to is None or self._fault.word in {"off", "stuck", "garbage"}:
-            return []
-        start_ns = -(-first_ns // _IMU_PERIOD_NS) * _IMU_PERIOD_NS
-        timed: list[Timed] = []
-        for stamp_ns in range(start_ns, end_ns, _IMU_PERIOD_NS):
-            packet = pack_imu(stamp_ns - self._switched_on_ns, self._imu_number, *self._motion)
-            self._imu_number += 1
-            timed.append(Timed(stamp_ns * 1e-9 + delay_s, packet, self._imu, (to.ip, to.port)))
-        return timed
+    def _send_imu(self) -> None:
+        """Send the samples whose time has come, with or without points.
+
+        They never wait for a renderer: from them the host learns the sensor's clock.
+        """
+        with self._lock:
+            self._start_anew_after_boot()
+            word = self._fault.word
+            to = self._firmware.destination(Key.IMU_DESTINATION)
+            now_s = self._clock.now_s() - (DELAY_S if word == "delayed" else 0.0)
+            now_ns = round(now_s * 1e9) - self._switched_on_ns
+            first_ns = max(self._imu_next_ns, now_ns - _IMU_BACKLOG_NS)
+            stamps = range(-(-first_ns // _IMU_PERIOD_NS) * _IMU_PERIOD_NS, now_ns, _IMU_PERIOD_NS)
+            if to is None or not self.sampling or not stamps:
+                return
+            self._imu_next_ns = stamps[-1] + _IMU_PERIOD_NS
+            if word in _WITHOUT_IMU:
+                return
+            packets = [
+                pack_imu(stamp_ns, self._imu_number + at, *self._motion)
+                for at, stamp_ns in enumerate(stamps)
+            ]
+            self._imu_number += len(packets)
+        for packet in packets:
+            _send(self._imu, packet, (to.ip, to.port))
 
     def _serve(self) -> None:
         """Answer and report until closed; the body of the firmware's thread."""

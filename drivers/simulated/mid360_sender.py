@@ -6,7 +6,7 @@ import logging
 import socket
 import threading
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from drivers.clock import Clock
@@ -35,10 +35,15 @@ class PacedSender:
 
     What is due already leaves at once, but never more than a few dozen datagrams on end: a host
     with the kernel's ordinary receive buffer would lose some of them.
+
+    Args:
+        clock: mission time.
+        on_wake: called in the thread every few milliseconds, for what is sent at once.
     """
 
-    def __init__(self, clock: Clock) -> None:
+    def __init__(self, clock: Clock, on_wake: Callable[[], None]) -> None:
         self._clock = clock
+        self._on_wake = on_wake
         self._queue: deque[Timed] = deque()
         self._stop = threading.Event()
         self._lock = threading.Lock()
@@ -71,6 +76,7 @@ class PacedSender:
 
     def _run(self) -> None:
         while not self._stop.is_set():
+            self._on_wake()
             burst = self._due()
             for timed in burst:
                 try:

@@ -41,7 +41,8 @@ class Rig:
             before = self.assembler.packets
             scan = self.assembler.accept(size)
             if self.assembler.packets > before:
-                self.assembler.observe(1000.0 + self.assembler.newest_ns * 1e-9 + delay_s)
+                newest_ns = self.assembler.newest_ns
+                self.assembler.observe(newest_ns, 1000.0 + newest_ns * 1e-9 + delay_s)
             if scan is not None:
                 self.scans.append(scan)
         return self
@@ -161,3 +162,11 @@ def test_thirty_percent_loss_still_makes_scans():
     rig = Rig().feed([one for one, ok in zip(packets(2084), kept, strict=True) if ok])
     assert 9 <= len(rig.scans) <= 10
     assert rig.assembler.lost == pytest.approx(625, abs=60)
+
+
+def test_an_imu_sample_that_came_sooner_sets_the_clock_and_one_from_the_future_does_not():
+    rig = Rig().feed(packets(100), delay_s=0.3)
+    rig.assembler.observe(100_000_000, 1000.1 + 0.002)
+    rig.assembler.observe(10**15, 1000.1)
+    rig.feed(packets(200, first_ns=100 * STEP_NS, first_number=100), delay_s=0.3)
+    assert rig.scans[0].stamp_s == pytest.approx(1000.002 + 208 * 96 * 5e-6, abs=1e-3)

@@ -22,7 +22,8 @@ FACTOR = 3.0
 class World:
     """A twin inside a sphere, its driver, and what the driver delivered."""
 
-    def __init__(self, settings, clock, twin):
+    def __init__(self, settings, clock, twin, lag_s):
+        self.lag_s = lag_s
         self.settings = settings
         self.clock = clock
         self.twin = twin
@@ -41,7 +42,7 @@ class World:
         count, period_ns = 5000, 25_000_000
         t_ns = round(self.clock.now_s() * 1e9)
         while not self._stop.wait(0.002):
-            while t_ns * 1e-9 < self.clock.now_s():
+            while t_ns * 1e-9 < self.clock.now_s() - self.lag_s:
                 directions, _ = mid360_pattern.rays(t_ns * 1e-9, count)
                 self.twin.send_points(
                     t_ns,
@@ -70,12 +71,11 @@ class World:
 
 
 @asynccontextmanager
-async def flying(settings, tmp_path, **twin_arguments):
+async def flying(settings, tmp_path, lag_s=0.0):
     SharedClockWriter(tmp_path / "clock", FACTOR, start_s=500.0)
     clock = SharedClock(tmp_path / "clock")
-    arguments = {"spin_up_s": 0.2} | twin_arguments
-    with Mid360Twin(settings, clock, **arguments) as twin:
-        world = World(settings, clock, twin)
+    with Mid360Twin(settings, clock, spin_up_s=0.2) as twin:
+        world = World(settings, clock, twin, lag_s)
         world._thread.start()
         task = asyncio.create_task(world.driver.run(world.take))
         try:
@@ -181,6 +181,12 @@ async def test_scans_that_come_late_say_so_by_their_age(loopback, tmp_path):
         await world.scans_after(5)
         assert min(world.ages_s[-4:]) > 0.7
         assert world.twin.disturbed > 1000
+
+
+async def test_points_that_were_late_from_the_start_are_told_by_the_imu(loopback, tmp_path):
+    async with flying(loopback, tmp_path, lag_s=0.4) as world:
+        await world.scans_after(10)
+        assert min(world.ages_s[-5:]) > 0.39
 
 
 async def test_an_intermittent_sensor_is_silent_and_back_again(loopback, tmp_path):
