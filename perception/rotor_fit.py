@@ -9,7 +9,7 @@ reason wherever the cloud does not show three blades 120 deg apart.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -38,6 +38,8 @@ MIN_RANGE_M = 6.0
 """Nearer returns are clutter: the vehicle keeps further away than this."""
 PITCH_SPREAD_RAD = math.radians(1.3)
 """Blades of one rotor rarely stand further apart; beyond three times this they are let go."""
+MAX_SPREAD_DEG = 9.0
+MAX_PITCH_SIGMA_DEG = 9.0
 APART_COST = 25.0
 APART_RAD = math.radians(20.0)
 PITCH_STARTS_DEG = (-3.0, 12.0, 28.0, 45.0, 62.0, 78.0, 92.0)
@@ -48,18 +50,9 @@ KNOWN_SHAPE = ((0.02, 0.01), (0.015, 0.01), (0.02, 0.03), (math.radians(0.4), ma
 PITCH_RANGE_DEG = (-14.0, 112.0)
 DEFAULT_RADIUS_M = 50.0
 HUBER, REJECT = 1.5, 7.0
-SIGMA_FACTOR = 1.0
+SIGMA_FACTOR = 1.8
+"""Error over formal error of the fit, on the tuning scenes."""
 FLOOR_DEG = 0.05
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FitQuality:
-    """What the acceptance tests look at."""
-
-    rms_m: float
-    inlier_share: float
-    arms_m: tuple[float, float, float]
-    iterations: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,6 +155,10 @@ def _coarse(
     radius: float,
     prior_sigma_m: float,
 ) -> CoarseRotor | Refusal:
+    if prior_hub_w is not None:
+        points = _about_prior(
+            points, np.asarray(prior_hub_w), prior_normal_w, radius, prior_sigma_m
+        )
     planes = rotor_planes(points, eye, prior_normal_w, down)
     if not planes:
         return Refusal(RefusalCode.NO_PLANE, "no upright plane with enough points")
@@ -179,6 +176,18 @@ def _coarse(
         code = RefusalCode.TWO_BLADES if sorted(best.arms_m)[1] > 4.0 else RefusalCode.NOT_A_ROTOR
         return Refusal(code, f"the weakest of three arms is occupied over {shortest:.1f} m")
     return best
+
+
+def _about_prior(
+    points: Float, hub_w: Float, normal_w: Float | None, radius: float, prior_sigma_m: float
+) -> Float:
+    """Leave out what cannot be this rotor: hills, neighbours, the ground beneath."""
+    rel = points - hub_w
+    keep = np.linalg.norm(rel, axis=1) < radius + prior_sigma_m
+    if normal_w is not None:
+        # A prior axis 10 deg wrong moves a blade's depth by a sixth of the radius seen.
+        keep &= np.abs(rel @ normal_w) < prior_sigma_m + 0.2 * radius
+    return points[keep]
 
 
 def _fit(
@@ -423,6 +432,22 @@ def _start_pitches(solver: _Solver, params: Float, data: BladeData) -> Float:
     return best
 
 
+def _pitch(state: _State, b: int) -> tuple[float | None, float]:
+    """Return a blade's pitch and its sigma, degrees; None rather than a doubtful one.
+
+    Leading and trailing edge are told apart by the sense of rotation and the range that pitch can
+    have. A blade may be alike the others or a quarter turn from them: between, the fit is stuck.
+    """
+    pitches = np.degrees(state.params[kernel.PITCH : kernel.CHORD])
+    pitch = float(pitches[b])
+    variance = float(state.covariance[kernel.PITCH + b, kernel.PITCH + b])
+    sigma = SIGMA_FACTOR * math.degrees(math.sqrt(variance))
+    apart = abs(pitch - float(np.median(pitches)))
+    alike = apart < MAX_SPREAD_DEG or abs(apart - 90.0) < 2 * MAX_SPREAD_DEG
+    inside = PITCH_RANGE_DEG[0] < pitch < PITCH_RANGE_DEG[1]
+    return (pitch if inside and alike and sigma < MAX_PITCH_SIGMA_DEG else None), sigma
+
+
 def _regroup(solver: _Solver, params: Float) -> Float:
     """Return the better of the fit and those with one blade's pitch put to the other two's."""
     best, best_cost = params, solver.cost(params)
@@ -458,13 +483,12 @@ def _rotor(
     reference_sigma = math.radians(0.5) if tower is None else tower.sigma_rad
     sigma = math.degrees(math.sqrt(variance * SIGMA_FACTOR**2 + reference_sigma**2))
     names = blade_angles_deg(stop)
-    turn = int(round(((names[0] - math.degrees(first)) % 360.0) / 120.0)) % 3
+    turn = round(((names[0] - math.degrees(first)) % 360.0) / 120.0) % 3
     blades = []
     for i, name in enumerate("ABC"):
         b = (turn + i) % 3
-        pitch = math.degrees(float(state.params[kernel.PITCH + b]))
-        pitch_sigma = math.degrees(math.sqrt(state.covariance[kernel.PITCH + b, kernel.PITCH + b]))
-        known = PITCH_RANGE_DEG[0] < pitch < PITCH_RANGE_DEG[1] and pitch_sigma < 6.0
+        pitch, pitch_sigma = _pitch(state, b)
+        known = pitch is not None
         direction = direction_at(
             state.angle_rad + 2 * math.pi / 3 * b, state.normal_w, down, state.cone_rad
         )
@@ -473,7 +497,7 @@ def _rotor(
             Blade(
                 name,
                 direction,
-                pitch if known else None,
+                pitch,
                 pitch_sigma if known else None,
                 tip if tip > 0.93 * radius else None,
             )
@@ -490,6 +514,3 @@ def _rotor(
         math.degrees(state.cone_rad),
         len(state.data.r_m),
     )
-
-
-__all__ = ["FitQuality", "fit_rotor", "replace"]

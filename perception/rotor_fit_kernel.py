@@ -48,9 +48,12 @@ def normal_equations(  # type: ignore[no-untyped-def]  # compiled; called from r
     out_jtr,
     out_residual,
 ):
-    """Accumulate J'WJ and J'Wr; return the robust cost. ``axes``: (3, 4) rows are
-    (radial.right, radial.down, tangential.right, tangential.down); ``station``: (S, 5) chord, twist,
-    pitch axis, prebend, bend shape."""
+    """Accumulate J'WJ and J'Wr; return the robust cost.
+
+    ``axes``: (3, 4), rows are (radial.right, radial.down, tangential.right, tangential.down);
+    ``station``: (S, 5) chord, twist, pitch axis, prebend, bend shape. ``sense`` is 1 for rotors
+    that turn clockwise seen from upwind.
+    """
     out_jtj[:] = 0.0
     out_jtr[:] = 0.0
     cost = 0.0

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.rotor import down_in_plane, right_in_plane
+from perception.rotor import right_in_plane
 from perception.values import Float
 
 MIN_POINTS = 40
@@ -55,7 +55,7 @@ def tower_reference(
     if len(x) < MIN_POINTS:
         return None
     sel = np.ones(len(x), bool)
-    params = _start(x, y, z, radius_m)
+    params = _start(x, y, radius_m)
     covariance = np.eye(6)
     for iteration in range(12):
         if sel.sum() < MIN_POINTS:
@@ -66,19 +66,18 @@ def tower_reference(
     length = float(np.ptp(np.quantile(z[sel], [0.02, 0.98])))
     if length < MIN_LENGTH_M or not 0.2 < params[4] < 5.0:
         return None
-    lean_x, lean_y = params[1], params[3]
+    lean_x = params[1]
     sigma = math.hypot(math.sqrt(covariance[1, 1]) * 1.2, SYSTEMATIC_M / length)
     weight = GRAVITY_SIGMA_RAD**2 / (GRAVITY_SIGMA_RAD**2 + sigma**2)
     if abs(lean_x) > 4 * math.hypot(GRAVITY_SIGMA_RAD, sigma):
         return None
-    direction = down_w + weight * lean_x * right + 0.0 * lean_y * back
+    direction = down_w + weight * lean_x * right
     direction = direction / np.linalg.norm(direction)
     blended = math.sqrt(weight) * sigma
-    assert abs(down_in_plane(normal_w, direction) @ normal_w) < 1e-6
     return TowerReference(direction, blended, length, int(sel.sum()))
 
 
-def _start(x: Float, y: Float, z: Float, radius_m: float) -> Float:
+def _start(x: Float, y: Float, radius_m: float) -> Float:
     """Return x0, lean x, y0, lean y, radius, taper: the nearest surface says where the axis is."""
     size = 0.024 * radius_m + 0.3
     return np.array([np.median(x), 0.0, float(np.quantile(y, 0.1)) + size, 0.0, size, 0.01])
