@@ -31,7 +31,7 @@ from mission.flight.trajectory import Follower, Path
 from perception.values import Float
 
 #: Kept outside the closed sphere, for the vehicle's own wander.
-SPHERE_MARGIN_M = 3.0
+SPHERE_MARGIN_M = 2.0
 CORRIDOR_STEP_M = 1.5
 
 

@@ -137,7 +137,7 @@ class Guard:
         slowed, too_fast = self._slow_closing(trimmed, here, np.array(vehicle.velocity_w), near)
         if too_fast:
             return self._answer(command, hold, "closing too fast to stop in time", True, near)
-        if near.path_clearance(slowed) < self._bounds.min_clearance_m:
+        if not near.path_is_clear(slowed, self._bounds.min_clearance_m):
             return self._answer(command, hold, "the way there is not clear", True, near)
         words = trim if slowed == trimmed else "slowed towards an obstacle"
         return self._answer(command, slowed, words, False, near)
@@ -293,6 +293,17 @@ class _Near:
         position, rest = np.array(setpoint.position_w), _rest(setpoint)
         places = np.stack([position, (position + rest) / 2, rest])
         return float(self.clearance(places).min())
+
+    def path_is_clear(self, setpoint: Setpoint, clearance_m: float) -> bool:
+        """Return whether the whole way keeps a clearance.
+
+        Moving by x brings nothing nearer by more than x: mostly that settles it.
+        """
+        reach = float(np.linalg.norm(_rest(setpoint) - self._here))
+        reach = max(reach, float(np.linalg.norm(np.array(setpoint.position_w) - self._here)))
+        if self.nearest_m - reach >= clearance_m:
+            return True
+        return self.path_clearance(setpoint) >= clearance_m
 
     def moves_outward(self, setpoint: Setpoint) -> bool:
         """Return whether the setpoint nowhere comes nearer to anything than the vehicle is."""

@@ -43,18 +43,22 @@ class Path:
         self.at_m = np.concatenate([[0.0], np.cumsum(steps)])
         self.length_m = float(self.at_m[-1])
         self.end_w: Float = self.points_w[-1]
+        self._tangents = _tangents(self.points_w)
         self._speed = _speeds(self.points_w, self.at_m, np.interp(even, at, caps), airframe)
 
     def point(self, along_m: float) -> tuple[Float, Float]:
         """Return the point (3,) and the unit tangent (3,) at a length along the path."""
         index = int(np.searchsorted(self.at_m, along_m, side="right")) - 1
         index = min(max(index, 0), len(self.at_m) - 2)
-        step = self.points_w[index + 1] - self.points_w[index]
         length = self.at_m[index + 1] - self.at_m[index]
         if length < 1e-9:
             return self.points_w[index], np.zeros(3)
         share = min(max((along_m - self.at_m[index]) / length, 0.0), 1.0)
-        return self.points_w[index] + share * step, step / length
+        point = (1 - share) * self.points_w[index] + share * self.points_w[index + 1]
+        # Turned along with the path, so that a curve does not step from sample to sample.
+        tangent = (1 - share) * self._tangents[index] + share * self._tangents[index + 1]
+        size = float(np.linalg.norm(tangent))
+        return point, tangent / size if size > 1e-9 else tangent
 
     def speed(self, along_m: float) -> float:
         """Return the speed allowed at a length along the path."""
@@ -74,13 +78,18 @@ def _rounded(points: Float) -> Float:
     return mean
 
 
+def _tangents(points: Float) -> Float:
+    along = np.gradient(points, axis=0)
+    unit: Float = along / np.maximum(np.linalg.norm(along, axis=1), 1e-9)[:, None]
+    return unit
+
+
 def _speeds(points: Float, at: Float, caps: Float, airframe: Airframe) -> Float:
     """Return the speed allowed at each sample: caps, curves, climb limits and braking."""
     acceleration = airframe.max_acceleration_mps2
     if at[-1] < 1e-6:
         return np.zeros(len(points))
-    tangent = np.gradient(points, axis=0)
-    tangent /= np.maximum(np.linalg.norm(tangent, axis=1), 1e-9)[:, None]
+    tangent = _tangents(points)
     turn = np.linalg.norm(np.gradient(tangent, axis=0), axis=1) / np.maximum(np.gradient(at), 1e-6)
     allowed = np.minimum(caps, np.sqrt(0.8 * acceleration / np.maximum(turn, 1e-6)))
     rise = tangent[:, 2]
@@ -190,7 +199,7 @@ class Follower:
         self._acceleration += min(max(target - self._acceleration, -most), most)
         self._acceleration = min(max(self._acceleration, -limit), limit)
         self._speed = max(0.0, self._speed + self._acceleration * dt_s)
-        if gap < 0 and self._speed < wanted_mps:
+        if gap * (wanted_mps - self._speed) < 0:
             self._speed, self._acceleration = wanted_mps, 0.0
 
     def _room(self, here: Float) -> float:

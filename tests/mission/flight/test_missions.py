@@ -1,0 +1,353 @@
+"""Whole missions in memory: machine and guard against the kinematic vehicle."""
+
+import copy
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from benchmarks.virtual_flight import TERMINAL, Truth, VirtualFlight
+from config.inspection import Inspection
+from config.presets import load_turbine
+from config.settings import Settings
+from config.turbine import Site
+from mission.flight.command import Action, MissionState, Phase
+from mission.flight.observation import RequestKind
+
+FLYING = [
+    Phase.TAKEOFF,
+    Phase.ASCEND,
+    Phase.APPROACH,
+    Phase.ESTIMATE,
+    Phase.TRACK,
+    Phase.STAND_OFF,
+    Phase.RETURN,
+]
+LEADS = (Phase.TAKEOFF, Phase.ESTIMATE)
+
+
+def mission(name="v27", sides=("PS",), blades=("A",), truth=None, hook=None, **site_changes):
+    turbine = load_turbine(name)
+    settings = Settings(inspection=Inspection(sides=sides, blades=blades))
+    apart = turbine.rotor_radius_m + 30.0
+    site = Site(name="t1", turbine=name, tower_north_m=apart + 3.0, tower_east_m=-2.0)
+    site = site.model_copy(update=site_changes)
+    truth = truth or Truth()
+    truth = dataclasses.replace(truth, tower_w=(0.0, apart, 0.0))
+    flight = VirtualFlight(settings, site, turbine, truth, hook)
+    flight.start(sides=sides, blades=blades)
+    return flight
+
+
+@pytest.fixture(scope="module")
+def base():
+    """One mission, kept as it was a second into each phase."""
+    flight = mission()
+    kept, flown, entered = {}, flight.run(limit_s=0.05), {}
+    while flight.machine.state not in TERMINAL:
+        phase = flight.machine.phase
+        entered.setdefault(phase, flight.now_s)
+        flight.one_tick(flown)
+        if phase not in kept and flight.now_s - entered[phase] >= min(1.0, _some(phase)):
+            kept[phase] = copy.deepcopy(flight)
+    return kept, flown
+
+
+def _some(phase):
+    return 0.2 if phase in (Phase.PREFLIGHT, Phase.STAND_OFF) else 1.0
+
+
+def sent(flight, flown, seconds):
+    return [flight.one_tick(flown).command for _ in range(round(seconds / 0.05))]
+
+
+def test_a_mission_flies_through_its_phases_and_lands(base):
+    _, flown = base
+    order = [p for p in flown.phases if p is not Phase.IDLE]
+    assert order == [Phase.PREFLIGHT, *FLYING, Phase.LANDED]
+    report = flown.machine.report()
+    assert report.state is MissionState.COMPLETED
+    assert flown.min_clearance_m >= 8.0
+    assert not flown.refusals
+    assert report.rotor.stop_angle_deg == pytest.approx(20.0, abs=0.5)
+
+
+def test_the_demo_is_flown_whole_within_eight_minutes():
+    flown = mission("windpact-1.5", ("PS", "SS"), ("A", "B", "C")).run()
+    report = flown.machine.report()
+    assert report.state is MissionState.COMPLETED
+    assert flown.duration_s < 480
+    assert flown.min_clearance_m >= 8.5
+    assert len(report.passes) == 6
+    for side in report.passes:
+        assert side.photographed_m > 0.95 * side.planned_m > 0.9 * side.length_m
+        assert side.distance_rms_error_m < 0.8
+    assert len({photo.photo_id for photo in flown.photos}) == len(flown.photos)
+    track = np.array(flown.track)
+    assert np.linalg.norm(np.diff(track, axis=0), axis=1).max() / 0.2 < 6.5
+
+
+@pytest.mark.parametrize("phase", FLYING)
+def test_the_pilot_takes_over_and_nothing_more_is_sent(base, phase):
+    kept, flown = base
+    flight = copy.deepcopy(kept[phase])
+    flight.pilot_takes()
+    reported = False
+    for _ in range(round(30 / 0.05)):
+        command = flight.one_tick(flown).command
+        if reported:
+            assert command.setpoint is None
+            assert command.action is None
+            assert command.gimbal is None
+            assert command.photo is None
+            assert command.progress.phase is Phase.RELEASED
+        reported = reported or flight._mode_reported[0] is flight.mode
+    assert reported
+    assert flight.machine.state is MissionState.RELEASED
+
+
+@pytest.mark.parametrize("phase", [p for p in FLYING if p is not Phase.RETURN])
+def test_an_abort_holds_at_once_then_leaves_and_lands(base, phase):
+    kept, flown = base
+    flight = copy.deepcopy(kept[phase])
+    flight.ask(RequestKind.ABORT)
+    first = flight.one_tick(flown).command
+    if first.setpoint is not None and phase is not Phase.STAND_OFF:
+        assert first.setpoint.velocity_w == (0.0, 0.0, 0.0)
+    after = flight.run(300.0)
+    if phase is Phase.STAND_OFF:
+        assert flight.machine.state is MissionState.COMPLETED
+    else:
+        assert flight.machine.state is MissionState.ENDED_SAFELY
+    assert not flight.armed
+    assert after.min_clearance_m >= 8.0
+
+
+def test_an_abort_before_take_off_ends_on_the_ground(base):
+    kept, flown = base
+    flight = copy.deepcopy(kept[Phase.PREFLIGHT])
+    flight.ask(RequestKind.ABORT)
+    flight.run(5.0)
+    assert flight.machine.state is MissionState.ENDED_SAFELY
+    assert flight.position[2] == 0.0
+
+
+@pytest.mark.parametrize("phase", [Phase.ASCEND, Phase.APPROACH, Phase.ESTIMATE, Phase.TRACK])
+def test_a_pause_stands_until_resumed_and_the_mission_completes(base, phase):
+    kept, flown = base
+    flight = copy.deepcopy(kept[phase])
+    flight.ask(RequestKind.PAUSE)
+    sent(flight, flown, 3.0)
+    assert flight.machine.phase is Phase.HOLD
+    place = flight.position.copy()
+    commands = sent(flight, flown, 10.0)
+    assert np.linalg.norm(flight.position - place) < 0.5
+    assert all(c.progress.state is MissionState.PAUSED for c in commands)
+    flight.ask(RequestKind.RESUME)
+    flight.run(400.0)
+    assert flight.machine.state is MissionState.COMPLETED
+    side = flight.machine.report().passes[0]
+    assert side.photographed_m > 0.95 * side.planned_m
+
+
+def test_stop_hands_over_in_the_autopilots_hold(base):
+    kept, flown = base
+    flight = copy.deepcopy(kept[Phase.TRACK])
+    flight.ask(RequestKind.STOP)
+    command = flight.one_tick(flown).command
+    assert command.action is Action.HOLD
+    assert command.setpoint is None
+    assert flight.machine.state is MissionState.RELEASED
+
+
+def test_after_a_takeover_only_a_request_takes_up_again(base):
+    kept, flown = base
+    flight = copy.deepcopy(kept[Phase.TRACK])
+    flight.pilot_takes()
+    assert all(c.action is None for c in sent(flight, flown, 20.0)[40:])
+    flight.ask(RequestKind.RESUME)
+    flight.run(400.0)
+    assert flight.machine.state is MissionState.COMPLETED
+
+
+def test_a_skipped_side_is_left_out_and_said_so():
+    flight = mission(sides=("PS", "SS"))
+    flown = flight.run(until=Phase.TRACK)
+    sent(flight, flown, 5.0)
+    flight.ask(RequestKind.SKIP)
+    flight.run()
+    passes = flight.machine.report().passes
+    assert sorted(p.skipped for p in passes) == [False, True]
+    assert flight.machine.state is MissionState.COMPLETED
+
+
+def silent_lidar(begin, end):
+    def hook(flight, observation):
+        if begin <= flight.now_s < end and observation.clearance is not None:
+            old = dataclasses.replace(observation.clearance, stamp_s=begin)
+            return dataclasses.replace(observation, clearance=old)
+        return observation
+
+    return hook
+
+
+def test_a_short_loss_of_the_lidar_holds_and_goes_on_at_the_same_metre(base):
+    kept, flown = base
+    flight = copy.deepcopy(kept[Phase.TRACK])
+    sent(flight, flown, 10.0)
+    begin = flight.now_s
+    flight.hook = silent_lidar(begin, begin + 2.5)
+    commands = sent(flight, flown, 1.05)
+    assert commands[-1].setpoint.velocity_w == (0.0, 0.0, 0.0)
+    assert flight.machine.phase is Phase.HOLD
+    sent(flight, flown, 3.5)
+    assert flight.machine.phase is Phase.TRACK
+    flight.run(400.0)
+    assert flight.machine.state is MissionState.COMPLETED
+
+
+def test_a_lost_lidar_sends_it_home(base):
+    kept, _ = base
+    flight = copy.deepcopy(kept[Phase.TRACK])
+    flight.hook = silent_lidar(flight.now_s, math.inf)
+    flown = flight.run(400.0)
+    assert flight.machine.state is MissionState.ENDED_SAFELY
+    assert "LiDAR" in flight.machine.report().words
+    assert not flight.armed
+    assert flown.min_clearance_m >= 8.0
+
+
+def test_a_dead_sensing_process_holds_and_three_deaths_return(base):
+    kept, _ = base
+    flight = copy.deepcopy(kept[Phase.TRACK])
+    begin = flight.now_s
+
+    def hook(flight, observation):
+        dead = (flight.now_s - begin) % 8.0 < 1.0
+        return dataclasses.replace(observation, sensing_alive=not dead)
+
+    flight.hook = hook
+    flight.run(400.0)
+    assert flight.machine.state is MissionState.ENDED_SAFELY
+    assert "sensing" in flight.machine.report().words
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"battery": 0.2}, "battery"),
+        ({"battery": None}, "battery"),
+        ({"wind_w": (16.0, 0.0, 0.0)}, "wind"),
+    ],
+)
+def test_the_vehicles_own_limits_send_it_home(base, changes, words):
+    kept, _ = base
+    flight = copy.deepcopy(kept[Phase.TRACK])
+
+    def hook(flight, observation):
+        vehicle = dataclasses.replace(observation.vehicle, **changes)
+        return dataclasses.replace(observation, vehicle=vehicle)
+
+    flight.hook = hook
+    flight.run(400.0)
+    assert flight.machine.state is MissionState.ENDED_SAFELY
+    assert words in flight.machine.report().words
+
+
+def test_a_reset_of_the_local_frame_hands_over_in_hold(base):
+    kept, flown = base
+    flight = copy.deepcopy(kept[Phase.TRACK])
+
+    def hook(flight, observation):
+        vehicle = dataclasses.replace(observation.vehicle, reset_count=1)
+        return dataclasses.replace(observation, vehicle=vehicle)
+
+    flight.hook = hook
+    command = flight.one_tick(flown).command
+    assert command.action is Action.HOLD
+    assert command.setpoint is None
+
+
+def test_a_jump_of_the_position_is_noticed_and_held(base):
+    kept, flown = base
+    flight = copy.deepcopy(kept[Phase.TRACK])
+    begin = flight.now_s
+
+    def hook(flight, observation):
+        x, y, z = observation.vehicle.position_w
+        moved = (x + 4.0, y, z) if flight.now_s > begin + 1.0 else (x, y, z)
+        vehicle = dataclasses.replace(observation.vehicle, position_w=moved)
+        return dataclasses.replace(observation, vehicle=vehicle)
+
+    flight.hook = hook
+    sent(flight, flown, 1.5)
+    assert flight.machine.phase is Phase.HOLD
+
+
+def test_a_turning_rotor_is_never_approached():
+    flight = mission(truth=Truth(turning=True))
+    flown = flight.run()
+    assert flight.machine.state is MissionState.REFUSED
+    assert Phase.ESTIMATE not in flown.phases
+    apart = np.linalg.norm(np.array(flown.track) - flight._model.hub_w, axis=1)
+    assert apart.min() >= flight.turbine.rotor_radius_m + 12.0
+
+
+def test_where_the_side_is_unknown_it_circles_until_it_is_known():
+    flight = mission(truth=Truth(upwind_deg=0.0, side_known_within_deg=35.0))
+    flown = flight.run()
+    assert flight.machine.state is MissionState.COMPLETED
+    assert flown.min_clearance_m >= 8.0
+
+
+def test_a_tower_that_is_not_there_is_refused():
+    flight = mission(tower_north_m=43.5)
+    flight.truth = dataclasses.replace(flight.truth, tower_w=(0.0, 400.0, 0.0))
+    flight.run()
+    assert flight.machine.state is MissionState.REFUSED
+    assert "tower" in flight.machine.report().words
+
+
+def test_without_a_measured_pitch_the_sides_are_refused_or_taken_as_told():
+    refused = mission(truth=Truth(pitch_known=False))
+    refused.run()
+    assert refused.machine.state is MissionState.REFUSED
+    assert "pitch" in refused.machine.report().words
+    told = mission(truth=Truth(pitch_known=False), blade_pitch_deg=2.0)
+    told.run()
+    assert told.machine.state is MissionState.COMPLETED
+
+
+def test_a_start_without_the_operators_word_is_refused():
+    flight = mission()
+    flight.requests = [dataclasses.replace(flight.requests[0], rotor_locked=False)]
+    flight.run()
+    assert flight.machine.state is MissionState.REFUSED
+    assert "rotor braked and locked" in flight.machine.report().words
+    assert not flight.armed
+
+
+def test_a_failed_photo_is_taken_again(base):
+    kept, _ = base
+    flight = copy.deepcopy(kept[Phase.TRACK])
+
+    def hook(flight, observation):
+        camera = observation.camera
+        if camera is not None and camera.last_photo_id == 2:
+            camera = dataclasses.replace(camera, last_photo_id=1, failed_photo_id=2)
+        return dataclasses.replace(observation, camera=camera)
+
+    flight.hook = hook
+    flown = flight.run(400.0)
+    repeated = [photo for photo in flown.photos if photo.repeated]
+    assert len(repeated) == 1
+    side = flight.machine.report().passes[0]
+    assert side.photographed_m > 0.95 * side.planned_m
+
+
+def test_the_same_observations_give_the_same_commands():
+    first, second = mission(), mission()
+    one, two = first.run(60.0), second.run(60.0)
+    assert one.track == two.track
+    assert [e.text for e in one.events] == [e.text for e in two.events]
