@@ -6,27 +6,29 @@ World ENU, metres. Truth is expressed in the frame of the returned points.
 
 from __future__ import annotations
 
-import ctypes
 import math
 from dataclasses import dataclass, field
 from typing import Any
 
-import libusb_package
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.blade_family import Planform, blade_mesh, draw_planform, known_turbine
 from config.turbine import Turbine
+from drivers.open3d_runtime import load_open3d
 from perception.geometry import lidar_in_body, rotation_from_euler
 from perception.rotor import angle_of, direction_at
 from perception.values import Float
 
-# Open3D asks the loader for libusb-1.0.so.0, absent on a fresh Debian; the wheel's copy serves.
-ctypes.CDLL(str(libusb_package.get_library_path()), mode=ctypes.RTLD_GLOBAL)
-import open3d as o3d  # noqa: E402 - only after libusb is in the process
-
 RATE_HZ = 200_000
 DETECTABLE = 3.9e-5
 """Reflectivity x cos(incidence) x attenuation / range^2 at which half the pulses are detected."""
+
+Array = NDArray[Any]  # vertices, triangles, float32 rays: whatever Open3D takes
+
+
+def _tensor(values: Array) -> Any:
+    return load_open3d().core.Tensor(values)
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +113,7 @@ def _draw_pitch(rng: np.random.Generator, opt: SceneOptions) -> tuple[float, flo
     return float(each[0]), float(each[1]), float(each[2])
 
 
-def _cylinder(a: Float, b: Float, r0: float, r1: float, n: int = 48) -> tuple[Float, np.ndarray]:
+def _cylinder(a: Float, b: Float, r0: float, r1: float, n: int = 48) -> tuple[Float, Array]:
     axis = (b - a) / np.linalg.norm(b - a)
     side = np.cross(axis, [0.3, 0.9, 0.1])
     side = side / np.linalg.norm(side)
@@ -167,11 +169,9 @@ def _build_world(rng: np.random.Generator, opt: SceneOptions) -> _World:
     half = 400.0
     ground = np.array([[-half, -half, 0], [half, -half, 0], [half, half, 0], [-half, half, 0.0]])
     parts.append((ground, np.array([[0, 1, 2], [0, 2, 3]])))
-    scene = o3d.t.geometry.RaycastingScene(nthreads=1)
+    scene = load_open3d().t.geometry.RaycastingScene(nthreads=1)
     for vertices, faces in parts:
-        scene.add_triangles(
-            o3d.core.Tensor(vertices.astype(np.float32)), o3d.core.Tensor(faces.astype(np.uint32))
-        )
+        scene.add_triangles(_tensor(vertices.astype(np.float32)), _tensor(faces.astype(np.uint32)))
     turbine = known_turbine(plan, tilt, cone, overhang, rng)
     return _World(scene, hub, normal, -tower_up, angle, pitch, plan, turbine)
 
@@ -196,7 +196,7 @@ def _without_droop(plan: Planform) -> Planform:
 
 def _nacelle(
     hub: Float, normal: Float, plan: Planform, overhang: float
-) -> list[tuple[Float, np.ndarray]]:
+) -> list[tuple[Float, Array]]:
     r = plan.hub_radius_m * 1.05 + 0.5 * float(plan.chord_m[0])
     body = _cylinder(hub - 0.7 * r * normal, hub + 0.7 * r * normal, 0.75 * r, 0.9 * r)
     nose = _cylinder(hub - 1.3 * r * normal, hub - 0.7 * r * normal, 0.3 * r, 0.75 * r)
@@ -273,18 +273,18 @@ def _look(world: _World, rng: np.random.Generator, opt: SceneOptions) -> AngleSc
 
 
 def _distance(world: _World, point: Float) -> float:
-    query = o3d.core.Tensor(np.asarray(point, np.float32)[None])
+    query = _tensor(np.asarray(point, np.float32)[None])
     return float(world.scene.compute_distance(query, nthreads=1).numpy()[0])
 
 
 def _cast(
     world: _World, origin: Float, rays: Float, rng: np.random.Generator, opt: SceneOptions
-) -> tuple[Float, np.ndarray]:
+) -> tuple[Float, Array]:
     """Return measured ranges of detected pulses and their indices among the rays."""
     n = len(rays)
     packed = np.empty((n, 6), np.float32)
     packed[:, :3], packed[:, 3:] = origin, rays
-    answer = world.scene.cast_rays(o3d.core.Tensor(packed), nthreads=1)
+    answer = world.scene.cast_rays(_tensor(packed), nthreads=1)
     t = answer["t_hit"].numpy().astype(float)
     normals = answer["primitive_normals"].numpy()
     with np.errstate(invalid="ignore"):
@@ -311,12 +311,12 @@ def _cast(
 
 
 def _mix_edges(
-    world: _World, packed: np.ndarray, t: Float, ranges: Float, rng: np.random.Generator
+    world: _World, packed: Array, t: Float, ranges: Float, rng: np.random.Generator
 ) -> Float:
     """Pulses split by an edge return a range between the two surfaces, at times."""
     beside = packed.copy()
     beside[:, 3:] += rng.normal(0, math.radians(0.08), (len(packed), 3)).astype(np.float32)
-    other = world.scene.cast_rays(o3d.core.Tensor(beside), nthreads=1)["t_hit"].numpy()
+    other = world.scene.cast_rays(_tensor(beside), nthreads=1)["t_hit"].numpy()
     gap = other.astype(float) - t
     mixed = (
         np.isfinite(gap) & (np.abs(gap) > 0.3) & (np.abs(gap) < 3.0) & (rng.random(len(t)) < 0.4)

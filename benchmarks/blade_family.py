@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from config.turbine import BladeShape, Turbine
 from perception.values import Float
@@ -48,24 +49,24 @@ class Planform:
 def draw_planform(rng: np.random.Generator) -> Planform:
     """Draw a blade of 25-65 m whose proportions span the published reference blades."""
     length = rng.uniform(25.0, 65.0)
-    span = np.linspace(0.0, 1.0, STATIONS) ** 1.15
+    span: Float = np.asarray(np.linspace(0.0, 1.0, STATIONS) ** 1.15, np.float64)
     peak = rng.uniform(0.14, 0.27)
     root = length * rng.uniform(0.042, 0.060)
     widest = max(length * rng.uniform(0.062, 0.080), 1.15 * root)
     tip = length * rng.uniform(0.004, 0.02)
     rise = 0.5 - 0.5 * np.cos(np.pi * np.clip((span - 0.02) / (peak - 0.02), 0, 1))
     fall = np.clip((1.0 - span) / (1.0 - peak), 0, 1) ** rng.uniform(0.85, 1.35)
-    chord = np.where(span < peak, root + (widest - root) * rise, tip + (widest - tip) * fall)
+    chord: Float = np.where(span < peak, root + (widest - root) * rise, tip + (widest - tip) * fall)
     twist_root, twist_tip = rng.uniform(10.0, 20.0), rng.uniform(-3.0, 0.5)
     late = np.clip((span - 0.08) / 0.92, 0, 1)
     twist = twist_tip + (twist_root - twist_tip) * (1.0 - late) ** rng.uniform(2.0, 4.0)
     thin = rng.uniform(0.34, 0.44)
-    thickness = np.interp(
+    thickness: Float = np.interp(
         span,
         [0, 0.03, peak * 0.6, peak, 0.4, 0.7, 1.0],
         [1.0, 1.0, rng.uniform(0.55, 0.75), thin, 0.30, 0.23, rng.uniform(0.16, 0.21)],
     )
-    axis = np.interp(
+    axis: Float = np.interp(
         span,
         [0, 0.03, peak, 0.5, 1.0],
         [0.5, 0.49, rng.uniform(0.29, 0.38), rng.uniform(0.28, 0.42), rng.uniform(0.25, 0.45)],
@@ -78,7 +79,7 @@ def draw_planform(rng: np.random.Generator) -> Planform:
         chord,
         twist,
         thickness,
-        rng.uniform(0.0, 0.05) * length * span ** rng.uniform(2.0, 3.0),
+        np.asarray(rng.uniform(0.0, 0.05) * length * span ** rng.uniform(2.0, 3.0), np.float64),
         axis,
         rng.uniform(0.01, 0.035),
         rng.uniform(0.004, 0.02),
@@ -115,7 +116,7 @@ def section_outline(
 
 def blade_mesh(
     plan: Planform, pitch_deg: float, down_bxy: tuple[float, float], sense: float
-) -> tuple[Float, np.ndarray]:
+) -> tuple[Float, NDArray[np.int64]]:
     """Return vertices (V, 3) and triangles of a blade in its own frame.
 
     Frame: x tangential (counter-clockwise seen from the front), y downwind along the normal,

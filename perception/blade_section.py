@@ -52,7 +52,7 @@ def generic_sections(radius_m: float) -> SectionTable:
         s, [0, 0.03, 0.10, 0.2, 0.4, 0.7, 1.0], [1, 1, 0.68, 0.39, 0.3, 0.24, 0.19]
     )
     axis = np.interp(s, [0, 0.03, 0.2, 0.5, 1.0], [0.5, 0.495, 0.335, 0.345, 0.37])
-    prebend = 0.025 * length * s**2.4
+    prebend: Float = np.asarray(0.025 * length * s**2.4, np.float64)
     x, y = _outlines(thickness, 0.02)
     return SectionTable(length, radius_m - length, chord, twist, axis, prebend, x, y)
 

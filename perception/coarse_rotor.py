@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from perception.rotor import direction_at, down_in_plane, right_in_plane
-from perception.values import Float
+from perception.values import Float, Float32
+from perception.voxel_hash import compiled
 
 CELL_M = 0.5
 ANGLE_STEPS = 48
@@ -134,10 +134,8 @@ def three_arms(
     return CoarseRotor(hub, normal, angle, float(score), (a0 * CELL_M, a1 * CELL_M, a2 * CELL_M))
 
 
-@numba.njit(cache=True)
-def _arm(
-    image: np.ndarray, cu: float, cv: float, angle: float, inner: float, reach: float
-) -> float:
+@compiled
+def _arm(image: Float32, cu: float, cv: float, angle: float, inner: float, reach: float) -> float:
     """Occupied cells along one arm, each within a cell of the line."""
     total = 0.0
     cu_step, cv_step = math.sin(angle), math.cos(angle)
@@ -154,8 +152,8 @@ def _arm(
     return total
 
 
-@numba.njit(cache=True)
-def _scored(image: np.ndarray, cu: float, cv: float, step: float, inner: float, reach: float):  # type: ignore[no-untyped-def]  # compiled
+@compiled
+def _scored(image: Float32, cu: float, cv: float, step: float, inner: float, reach: float):  # type: ignore[no-untyped-def]  # compiled
     base = 2 * math.pi / 3 * step / ANGLE_STEPS
     a = _arm(image, cu, cv, base, inner, reach)
     b = _arm(image, cu, cv, base + 2 * math.pi / 3, inner, reach)
@@ -163,8 +161,8 @@ def _scored(image: np.ndarray, cu: float, cv: float, step: float, inner: float, 
     return a + b + c + 2 * min(a, b, c), a, b, c
 
 
-@numba.njit(cache=True)
-def _correlate(image: np.ndarray, middle: int, span: int, inner: float, reach: float, stride: int):  # type: ignore[no-untyped-def]  # compiled
+@compiled
+def _correlate(image: Float32, middle: int, span: int, inner: float, reach: float, stride: int):  # type: ignore[no-untyped-def]  # compiled
     best = (-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for i in range(middle - span, middle + span + 1, stride):
         for j in range(middle - span, middle + span + 1, stride):
@@ -177,8 +175,8 @@ def _correlate(image: np.ndarray, middle: int, span: int, inner: float, reach: f
     return best
 
 
-@numba.njit(cache=True)
-def _correlate_near(image: np.ndarray, start, inner: float, reach: float):  # type: ignore[no-untyped-def]  # compiled
+@compiled
+def _correlate_near(image: Float32, start, inner: float, reach: float):  # type: ignore[no-untyped-def]  # compiled
     best = start
     _, i0, j0, step0, _, _, _ = start
     for di in range(-3, 4):

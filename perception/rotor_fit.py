@@ -116,7 +116,7 @@ def fit_rotor(
 
 def _clean(points_w: Float, origins_w: Float, viewpoint_w: Float | None) -> tuple[Float, Float]:
     """Return finite, thinned points (M, 3) and the viewpoint (3,)."""
-    points = np.asarray(points_w, np.float64).reshape(-1, 3)
+    points: Float = np.asarray(points_w, np.float64).reshape(-1, 3)
     origins = np.asarray(origins_w, np.float64)
     if origins.ndim == 2 and len(origins) != len(points):
         raise ValueError("origins_w must be (3,) or as long as points_w")
@@ -187,7 +187,7 @@ def _about_prior(
     if normal_w is not None:
         # A prior axis 10 deg wrong moves a blade's depth by a sixth of the radius seen.
         keep &= np.abs(rel @ normal_w) < prior_sigma_m + 0.2 * radius
-    return points[keep]
+    return np.asarray(points[keep], np.float64)
 
 
 def _fit(
@@ -250,7 +250,15 @@ def _fit(
         angle = angle_of(old - (old @ normal) * normal, normal, down)
         cone = float(params[kernel.CONE])
         result = _State(
-            hub, normal, angle, cone, params.copy(), np.linalg.inv(jtj), cost, data, residuals
+            hub,
+            normal,
+            angle,
+            cone,
+            params.copy(),
+            np.asarray(np.linalg.inv(jtj), np.float64),
+            cost,
+            data,
+            residuals,
         )
         lines = np.array([[-math.tan(cone), 0.0]] * 3)
         params[: kernel.CONE] = 0.0

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
+from perception.voxel_hash import compiled
+
 #: Order of the parameters. Hub shift right, down, along the normal; slope of depth along right and
-#: down (turn of the plane); stop angle; upwind cone; prebend scale; sag at the tip, metres; pitch of
-#: the three blades; then, a value at each knot of the span: chord (relative), pitch axis (share of
-#: the chord), thickness (relative), twist (radians), all as differences from the table.
+#: down (turn of the plane); stop angle; upwind cone; prebend scale; sag at the tip, metres; pitch
+#: of the three blades; then, a value at each knot of the span: chord (relative), pitch axis (share
+#: of the chord), thickness (relative), twist (radians), all as differences from the table.
 HX, HY, HZ, SR, SD, ANGLE, CONE, PREBEND, SAG, PITCH = range(10)
 KNOTS = 7
 CHORD = 12
@@ -25,7 +26,7 @@ PARAMETERS = TWIST + KNOTS
 KNOT_SPAN = np.array([0.0, 0.06, 0.12, 0.19, 0.28, 0.45, 1.0])
 
 
-@numba.njit(cache=True, fastmath=True)
+@compiled
 def normal_equations(  # type: ignore[no-untyped-def]  # compiled; called from rotor_fit alone
     params,
     blade,

@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.rotor import right_in_plane
 from perception.values import Float
@@ -54,7 +55,7 @@ def tower_reference(
     x, y, z = x[keep], y[keep], z[keep]
     if len(x) < MIN_POINTS:
         return None
-    sel = np.ones(len(x), bool)
+    sel: NDArray[np.bool_] = np.ones(len(x), bool)
     params = _start(x, y, radius_m)
     covariance = np.eye(6)
     for iteration in range(12):
@@ -109,4 +110,4 @@ def _step(params: Float, x: Float, y: Float, z: Float) -> tuple[Float, Float]:
     pull = prior * (np.array([0, 0, 0, 0, params[4], 0.01]) - params)
     system = info + np.diag(prior + 1e-9)
     step = np.linalg.solve(system, -(jac * weight[:, None]).T @ error + pull)
-    return params + np.clip(step, -0.5, 0.5), np.linalg.inv(system)
+    return params + np.clip(step, -0.5, 0.5), np.asarray(np.linalg.inv(system), np.float64)
