@@ -27,6 +27,9 @@ from drivers.livox.statistics import Dropped, Link, Statistics
 from perception.values import Scan
 
 _NAP_S = 0.004
+#: Of a buffer too small to sleep on: it holds a hundred packets.
+_SHORT_NAP_S = 0.001
+_SMALL_BUFFER_BYTES = 1 << 20
 _IDLE_MS = 20
 _REOPEN_S = 1.0
 
@@ -141,6 +144,7 @@ class Receiver:
         for sock in (self._wake_read, sockets.points, sockets.imu, sockets.push, sockets.command):
             poll.register(sock, select.POLLIN)
         points_fd = sockets.points.fileno()
+        nap_s = _NAP_S if granted >= _SMALL_BUFFER_BYTES else _SHORT_NAP_S
         while not self._stopping:
             ready = {fd for fd, _ in poll.poll(_IDLE_MS)}
             if sockets.imu.fileno() in ready:
@@ -152,7 +156,7 @@ class Receiver:
                     self._drain_frames(sock)
             self._keep_up(sockets.command)
             if ready:
-                time.sleep(_NAP_S)
+                time.sleep(nap_s)
 
     def _keep_up(self, command: socket.socket) -> None:
         """Send what is due, and close a scan that nothing follows."""

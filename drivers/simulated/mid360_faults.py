@@ -47,7 +47,7 @@ class StreamFault:
     def apply(self, packets: Records) -> Sequence[Outgoing | None]:
         """Return what goes out in the place of each packet; None: nothing."""
         if self.word in {"ok", "delayed"}:
-            self._kept = np.concatenate([self._kept, packets])[-_KEPT_FOR_STUCK:]
+            self._kept = _last(self._kept, packets)
             self.disturbed += len(packets) * (self.word == "delayed")
             return _as_they_are(packets)
         if self.word in {"slow", "intermittent"}:
@@ -67,6 +67,12 @@ class StreamFault:
         if self.word == "wrong":
             return [_wrong(one.data, kind) for kind, one in enumerate(_as_they_are(packets))]
         return [None] * len(packets)  # off, or stuck before anything was measured
+
+
+def _last(kept: Records, packets: Records) -> Records:
+    if len(packets) >= _KEPT_FOR_STUCK:
+        return packets[-_KEPT_FOR_STUCK:]
+    return np.concatenate([kept, packets])[-_KEPT_FOR_STUCK:]
 
 
 def _as_they_are(packets: Records) -> list[Outgoing]:

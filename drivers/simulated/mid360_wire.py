@@ -46,15 +46,17 @@ def pack_points(
     points_l: Float32, reflectivity: Bytes, tag: Bytes, returned: NDArray[np.bool_]
 ) -> Records:
     """Return (N,) points as they lie in a packet: millimetres, no-returns as zeros."""
-    records = np.zeros(len(points_l), POINT)
+    raw = np.zeros((len(points_l), POINT.itemsize), np.uint8)
+    raw[::_MARKED_EVERY, -2] = _OUTSIDE_WINDOW
+    # By bytes rather than by fields, which lie unaligned: that takes half the time.
     index = np.flatnonzero(returned)
-    kept = np.zeros(len(index), POINT)
-    kept["xyz"] = np.rint(np.asarray(points_l, np.float32)[index] * np.float32(1000))
-    kept["reflectivity"] = reflectivity[index]
-    kept["tag"] = tag[index]
-    records["reflectivity"][::_MARKED_EVERY] = _OUTSIDE_WINDOW
-    records[index] = kept
-    return records
+    kept = np.empty((len(index), POINT.itemsize), np.uint8)
+    millimetres = np.rint(np.asarray(points_l, np.float32).take(index, axis=0) * np.float32(1000))
+    kept[:, :-2] = millimetres.astype("<i4").view(np.uint8)
+    kept[:, -2] = reflectivity.take(index)
+    kept[:, -1] = tag.take(index)
+    raw[index] = kept
+    return raw.view(POINT).reshape(-1)
 
 
 def pack_packets(records: Records, first_ns: int, interval_ns: int, first_number: int) -> Records:
