@@ -135,8 +135,8 @@ class TowerSurvey:
             above = 2.0 if turbine is None else turbine.hub_height_m - turbine.tower_height_m
             return tower.top_m + above, 1.0
         if turbine is not None:
-            expected = float(self._expected_w[2]) + turbine.hub_height_m
-            return max(expected, tower.highest_m), 5.0
+            # A blade that points up goes on where the tower ends: the type knows better.
+            return float(self._expected_w[2]) + turbine.hub_height_m, 5.0
         return tower.highest_m + 2.0, 30.0
 
     def _forget(self) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from perception.metering import WHITE
 from perception.values import Bytes
 
 
@@ -52,7 +53,7 @@ def judge_photo(
         mean_grey=mean,
         sigma_grey=float(values.std()),
         entropy_nats=float(-(share * np.log(share)).sum()),
-        clipped=float(counts[255] / values.size),
+        clipped=float(counts[WHITE:].sum() / values.size),
         sharpness=float(laplacian[inside].var()),
         in_range=range_grey[0] <= mean <= range_grey[1],
     )

@@ -35,7 +35,7 @@ def show(
     try:
         loaded = load(config or [], set_ or [])
     except ConfigError as error:
-        end(Exit.CONFIGURATION, escape(str(error)))
+        end(Exit.CONFIGURATION, str(error))
     if as_json:
         sys.stdout.write(json.dumps(_as_object(loaded)) + "\n")
     else:
@@ -50,7 +50,7 @@ def check(
     try:
         load([file], environment={})
     except ConfigError as error:
-        end(Exit.CONFIGURATION, escape(str(error)))
+        end(Exit.CONFIGURATION, str(error))
     Console().print(f"{escape(str(file))}: every value can be used", soft_wrap=True)
 
 

@@ -7,6 +7,7 @@ from typing import NoReturn
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 
 from mission.flight.command import MissionState
 
@@ -35,5 +36,5 @@ errors = Console(stderr=True, highlight=False)
 
 def end(code: Exit, sentence: str) -> NoReturn:
     """Print one sentence on standard error and leave with the code."""
-    errors.print(f"[bold red]error:[/] {sentence}", soft_wrap=True, markup=True)
+    errors.print(f"[bold red]error:[/] {escape(sentence)}", soft_wrap=True)
     raise typer.Exit(int(code))

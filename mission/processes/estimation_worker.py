@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from pydantic import TypeAdapter
@@ -22,10 +22,13 @@ from perception.deskew import points_in_world
 from perception.estimator import RotorEstimator, rotor_estimator
 from perception.hub_prior import SurveyResult, TowerSurvey
 from perception.rotor import Refusal, Rotor
-from perception.rotor_motion import RotorMotion
+from perception.rotor_motion import RotorMotionWatch
 from perception.values import Float, Scan
 
 SURVEY_PERIOD_S = 1.0
+#: The rotor's side, once seen, is kept for so long, while the tower stays where it was.
+SIDE_KEPT_S = 30.0
+SIDE_MOVED_M = 3.0
 
 _HUB_PRIOR = TypeAdapter(HubPrior)
 _ROTOR = TypeAdapter(RotorEstimate)
@@ -39,7 +42,9 @@ class _Gathered:
     begun_s: float
     clouds: deque[tuple[float, Float, Float]] = field(default_factory=deque)
     survey: TowerSurvey | None = None
-    motion: RotorMotion | None = None
+    motion: RotorMotionWatch | None = None
+    side: SurveyResult | None = None
+    """The last look in which the rotor's side was seen."""
     estimator: RotorEstimator | None = None
     last_result_s: float = float("-inf")
 
@@ -94,10 +99,15 @@ class EstimationWorker:
         result = gathered.survey.result()
         if result is None:
             return
+        result = _with_side(result, gathered)
         if gathered.motion is None and result.normal_w is not None:
             radius_m = 50.0 if turbine is None else turbine.rotor_radius_m
-            gathered.motion = RotorMotion(result.hub_w, result.normal_w, radius_m)
-        self._bus.publish(Key.HUB_PRIOR, _HUB_PRIOR.dump_json(_prior(result, gathered.motion)))
+            gathered.motion = RotorMotionWatch(
+                result.hub_w, result.normal_w, radius_m, result.tower
+            )
+        motion = None if gathered.motion is None else gathered.motion.result()
+        turning = None if motion is None else motion.turning
+        self._bus.publish(Key.HUB_PRIOR, _HUB_PRIOR.dump_json(_prior(result, turning)))
 
     # --- the rotor ------------------------------------------------------------------------------
 
@@ -127,8 +137,22 @@ class EstimationWorker:
         self._bus.publish(Key.ROTOR, _ROTOR.dump_json(estimate))
 
 
-def _prior(result: SurveyResult, motion: RotorMotion | None) -> HubPrior:
-    turning = None if motion is None else motion.turning
+def _with_side(result: SurveyResult, gathered: _Gathered) -> SurveyResult:
+    """Return the result with the side last seen where this look alone leaves it open.
+
+    A rotor does not lose its side between two looks; a view of few points does.
+    """
+    if result.normal_w is not None:
+        gathered.side = result
+        return result
+    known = gathered.side
+    if known is None or result.stamp_s - known.stamp_s > SIDE_KEPT_S:
+        return result
+    moved_m = float(np.linalg.norm((result.tower.foot_w - known.tower.foot_w)[:2]))
+    return result if moved_m > SIDE_MOVED_M else replace(known, stamp_s=result.stamp_s)
+
+
+def _prior(result: SurveyResult, turning: bool | None) -> HubPrior:
     return HubPrior(
         stamp_s=result.stamp_s,
         tower_w=_vec(result.tower.foot_w),

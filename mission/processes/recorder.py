@@ -147,9 +147,9 @@ class Recorder:
                 tuple(mission.lost),
                 self._settings,
             )
-        except OSError as error:
-            log.error("the mission folder is not complete: %s", error)
-            ok, text = False, str(error)
+        except Exception as error:  # whatever it is, those who wait are told
+            log.exception("the mission folder is not complete")
+            ok, text = False, f"{type(error).__name__}: {error}"
         message = RecordedMessage(mission_dir=str(mission.folder), ok=ok, text=text)
         self._bus.publish(Key.RECORDED, message.model_dump_json().encode())
 

@@ -60,7 +60,8 @@ def store(
     jpeg: bytes, taken: PhotoTakenMessage, turbine: str, settings: Settings, folder: Path
 ) -> StoredPhoto:
     """Judge a photo and write it, with its sidecar, below ``folder``. Raises `NotAJpeg`."""
-    grey = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_GRAYSCALE)
+    data = np.frombuffer(jpeg, np.uint8)
+    grey = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if len(data) else None
     if grey is None:
         raise NotAJpeg("the picture cannot be decoded")
     height_px, width_px = grey.shape

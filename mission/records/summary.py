@@ -44,11 +44,12 @@ def close_folder(
     mission = _mission(report, records, lost, settings)
     write_whole(folder / MISSION, json.dumps(mission, indent=1).encode())
     write_whole(folder / GEOJSON, json.dumps(_geojson(records)).encode())
-    write_report(folder)
     paths = [folder / record.file for record in records]
     paths += [path.with_suffix(".json") for path in paths]
     paths += [path for name in (CONFIG, EVENTS, GEOJSON) if (path := folder / name).exists()]
     write_whole(folder / MANIFEST, manifest(folder, paths).encode())
+    # Last: everything is stored even where it cannot be rendered.
+    write_report(folder)
 
 
 def add_truth(folder: Path, truth: Mapping[str, object]) -> Json:
@@ -145,6 +146,8 @@ def _mission(
             if one.severity >= 1
         ],
         "lost": list(lost),
+        "truth": None,
+        "errors": None,
     }
 
 
@@ -186,7 +189,7 @@ def _pass(one: PassReport, records: Sequence[PhotoRecord]) -> Json:
         "planned_m": one.planned_m,
         "coverage": min(1.0, one.photographed_m / one.length_m) if one.length_m > 0 else 0.0,
         "coverage_reachable": min(1.0, one.photographed_m / reachable) if reachable > 0 else 0.0,
-        "photographed_m": [list(stretch) for stretch in one.stretches],
+        "photographed_m": [],
         "distance_m": {
             "mean": one.distance_mean_m,
             "rms_error": one.distance_rms_error_m,

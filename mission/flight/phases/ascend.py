@@ -68,8 +68,6 @@ class Ascend:
             "climb": "climbing beside the tower",
             "circle": "circling to see which way the rotor faces",
         }[self._stage]
-        if self._stage == "survey" and flight.tower_known:
-            return self._next("climb", Intent(words, setpoint=setpoint, gimbal=gimbal))
         if not flight.arrived():
             return Intent(words, setpoint=setpoint, gimbal=gimbal)
         if self._arrived_s is None:
@@ -91,10 +89,11 @@ class Ascend:
             above = np.array([here[0], here[1], height])
             flight.go(np.stack([above, at_bearing(hub, turned, distance, height)]), speed)
         elif self._stage == "climb":
+            # Beyond the sphere's equator the LiDAR sees too little: come in while climbing.
             distance = math.hypot(here[0] - hub[0], here[1] - hub[1])
-            outside = distance_at_height(radius, float(hub[2] - here[2]), distance)
+            outside = distance_at_height(radius, float(hub[2] - here[2]), min(distance, radius))
             way = up_the_sphere(hub, radius, bearing, outside, float(here[2]))
-            if outside > distance + 0.5:
+            if abs(outside - distance) > 0.5:
                 out = at_bearing(hub, bearing, outside, float(here[2]))
                 way = np.concatenate([out[None], way])
             flight.go(way, max(climb, 1.0) + 1.0)
