@@ -8,8 +8,8 @@ from drivers.clock import SharedClockWriter
 
 _JUMP_S = 0.5
 _SILENT_S = 0.3
-_WINDOW_S = 0.5
-_PULL_PER_S = 0.5
+_WINDOW_S = 0.25
+_PULL_PER_S = 2.0
 _FASTEST = 20.0
 
 
