@@ -48,7 +48,7 @@ _STANDARD_SOURCES = (56200, 56300, 56400)
 _IMU_PERIOD_NS = 5_000_000
 _UPTIME_NS = 1_000_000_000
 """How long a sensor's clock runs before it can be asked anything."""
-_IMU_BACKLOG_NS = 100_000_000
+_IMU_BACKLOG_NS = 500_000_000
 _WITHOUT_IMU = frozenset({"off", "stuck", "garbage", "wrong"})
 _PUSH_PERIOD_S = 1.0
 _POLL_S = 0.02
