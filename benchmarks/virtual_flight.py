@@ -243,7 +243,7 @@ class VirtualFlight:
     def _obey(self, command: Command) -> None:
         self._act(command)
         setpoint = command.setpoint
-        wanted = np.zeros(3)
+        wanted: Float = np.zeros(3, np.float64)
         if self.mode is FlightMode.OFFBOARD and setpoint is not None:
             lead = np.array(setpoint.position_w) - self.position
             wanted = POSITION_GAIN * lead + FEED_SHARE * np.array(setpoint.velocity_w)
@@ -389,11 +389,9 @@ class VirtualFlight:
         )
 
     def _observe(self) -> Observation:
-        if self.now_s >= self._mode_due_s or self.mode is not self._mode_reported[0]:
-            # Changes are reported with the next 1 Hz word.
-            if self.now_s >= self._mode_due_s:
-                self._mode_due_s = self.now_s + MODE_REPORT_S
-                self._mode_reported = (self.mode, self.now_s)
+        if self.now_s >= self._mode_due_s:
+            self._mode_due_s = self.now_s + MODE_REPORT_S
+            self._mode_reported = (self.mode, self.now_s)
         noise = self._rng.normal(0, self.truth.position_noise_m, 3)
         airborne = self.armed and bool(self.position[2] > 0.3)
         vehicle = Vehicle(
@@ -420,9 +418,7 @@ class VirtualFlight:
             tick=self.tick,
             vehicle=vehicle,
             gimbal=GimbalState(self.now_s, *self._gimbal),
-            camera=CameraState(
-                self.now_s, self._ev, self.now_s, last_photo_id=self._last_photo
-            ),
+            camera=CameraState(self.now_s, self._ev, self.now_s, last_photo_id=self._last_photo),
             clearance=self._clearance or ClearanceState(self.now_s, 0, None, None),
             hub_prior=self._prior,
             rotor=self._rotor,
@@ -440,8 +436,8 @@ def _surface(model: RotorModel, turbine: Turbine) -> Float:
         stations = model.leading.shape[1]
         along = np.linspace(0.0, model.lengths[blade], stations)
         axis = model.roots[blade] + along[:, None] * model.axes[blade]
-        for share in (0.0, 0.5, 1.0):
-            points.append(axis + model.leading[blade] + share * model.chord[blade])
+        lead, chord = model.leading[blade], model.chord[blade]
+        points += [axis + lead + share * chord for share in (0.0, 0.5, 1.0)]
     heights = np.arange(1.0, turbine.tower_height_m, 1.0)
     base = model.tower_top_w - model.tower_height_m * model.tower_axis_w
     radius = np.interp(heights, [0.0, turbine.tower_height_m], model.tower_radii)

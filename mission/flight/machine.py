@@ -18,6 +18,7 @@ from mission.flight.guard import Airspace
 from mission.flight.ledger import PhotoStatus
 from mission.flight.observation import FlightMode, Observation, Request, RequestKind, Vec3
 from mission.flight.phases.approach import Approach
+from mission.flight.phases.ascend import Ascend
 from mission.flight.phases.hold import Hold, Idle, Released
 from mission.flight.phases.home import Home
 from mission.flight.phases.landed import Landed
@@ -219,8 +220,11 @@ class Machine:
         if vehicle.mode is FlightMode.UNKNOWN:
             return
         allowed = {FlightMode.OFFBOARD}
-        if isinstance(self._phase, Takeoff | Engage) and not flight.engaged:
+        if not flight.engaged and isinstance(self._phase, Takeoff | Engage | Hold):
             allowed |= {FlightMode.TAKEOFF, FlightMode.HOLD}
+            if isinstance(self._phase, Engage) and self._phase.from_mode is not None:
+                # What an operator took up again begins in the mode that it was left in.
+                allowed.add(self._phase.from_mode)
             if not vehicle.in_air:
                 # Before the climb the mode is still whatever it was on the ground.
                 return
@@ -260,6 +264,8 @@ class Machine:
             if isinstance(phase, StandOff | Home):
                 return None
             self._ending(MissionState.ENDED_SAFELY, "aborted by the operator")
+            if not flight.engaged:
+                return self._land("aborted: landing")
             return self._hold_then(StandOff(Home()), "aborted: holding, then leaving")
         if request.kind is RequestKind.PAUSE:
             flight.state = MissionState.PAUSED
@@ -301,7 +307,9 @@ class Machine:
             flight.engaged, flight.state = False, MissionState.RUNNING
             flight.outcome, self._ended_s = None, None
             flight.outcome_words = ""
-            return Intent("taken up again", then=Engage(phase.then))
+            vehicle = flight.observation.vehicle
+            mode = None if vehicle is None else vehicle.mode
+            return Intent("taken up again", then=Engage(phase.then, from_mode=mode))
         return None
 
     def _in_air(self) -> bool:
@@ -336,10 +344,7 @@ class Machine:
             return self._release(words, ask_hold=event is Event.FRAME_RESET)
         if reaction is Reaction.LAND:
             self._ending(OUTCOME.get(event, MissionState.ENDED_SAFELY), words)
-            flown = self._in_air()
-            self._flight.engaged = False
-            return Intent(words, action=Action.LAND if flown else Action.DISARM,
-                          then=Landed(flown=flown))  # fmt: skip
+            return self._land(words)
         if isinstance(phase, Takeoff | Engage):
             return None
         inner = phase.then if isinstance(phase, Hold) else phase
@@ -347,6 +352,8 @@ class Machine:
         if reaction is Reaction.RETURN and not self._going_home(inner):
             self._flight.rotor_open = self._flight.rotor_open and event is not Event.ROTOR_TURNING
             self._ending(OUTCOME.get(event, MissionState.ENDED_SAFELY), words)
+            if not self._flight.engaged:
+                return self._land(words)
             return self._hold_now(words, StandOff(Home()))
         if reaction is Reaction.STAND_OFF and not leaving:
             return self._hold_now(words, self._measure_again())
@@ -379,10 +386,18 @@ class Machine:
     def _hold_then(self, then: PhaseStep, words: str, *, paused: bool = False) -> Intent:
         hold = Hold(then, words, paused=paused)
         if not self._flight.engaged:
-            # The autopilot flies the take-off: there is nothing of ours to stop.
-            return Intent(words, then=hold)
+            # The autopilot flies the take-off: it holds, and offboard is asked for afterwards.
+            hold = Hold(Engage(Ascend()), words, paused=paused)
+            return Intent(words, action=Action.HOLD, then=hold)
         intent = hold.step(self._flight)
         return replace(intent, then=hold)
+
+    def _land(self, words: str) -> Intent:
+        """Land where the vehicle is, by the autopilot; on the ground, disarm."""
+        flown = self._in_air()
+        self._flight.engaged = False
+        action = Action.LAND if flown else Action.DISARM
+        return Intent(words, action=action, then=Landed(flown=flown))
 
     def _release(self, words: str, *, ask_hold: bool = False) -> Intent:
         flight, phase = self._flight, self._phase

@@ -151,7 +151,11 @@ def rotor_model(
         turbine.hub_radius_m + turbine.nacelle_length_m,
     )
     level = normal[2] * turbine.overhang_m
-    half = [(end - begin) / 2, turbine.nacelle_width_m / 2, turbine.nacelle_height_m / 2 + abs(level)]
+    half = [
+        (end - begin) / 2,
+        turbine.nacelle_width_m / 2,
+        turbine.nacelle_height_m / 2 + abs(level),
+    ]
     return RotorModel(
         frames=frames,
         hub_w=hub_w,

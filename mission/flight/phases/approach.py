@@ -44,7 +44,9 @@ class Approach:
         if not self._inward:
             return self._round(flight, hub, normal, yaw)
         goal = hub - normal * flight.settings.estimation.stand_off_m
-        if not self._moving or (self._goal is not None and np.linalg.norm(goal - self._goal) > MOVED_M):
+        if not self._moving or (
+            self._goal is not None and np.linalg.norm(goal - self._goal) > MOVED_M
+        ):
             self._moving, self._goal = True, goal
             speed = flight.settings.guard.max_speed_near_mps
             flight.go(goal[None], speed)

@@ -104,6 +104,8 @@ class Ascend:
 
     def _decide(self, flight: Flight, waited_s: float, hold: Intent) -> Intent:
         if self._stage == "survey":
+            if flight.tower_known:
+                return self._next("climb", hold)
             if waited_s < LOOK_S:
                 return hold
             self._looked += 1

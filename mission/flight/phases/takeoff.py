@@ -55,12 +55,18 @@ class Takeoff:
 class Engage:
     """Stream a hold for a second, ask for OFFBOARD, wait until the autopilot reports it."""
 
-    def __init__(self, then: PhaseStep) -> None:
+    def __init__(self, then: PhaseStep, from_mode: FlightMode | None = None) -> None:
         self._then = then
+        self._from_mode = from_mode
         self._begun_s: float | None = None
         self._asked_s: float | None = None
         self._tries = 0
         self._hold: Setpoint | None = None
+
+    @property
+    def from_mode(self) -> FlightMode | None:
+        """The mode in which an operator took the mission up again."""
+        return self._from_mode
 
     @property
     def phase(self) -> Phase:

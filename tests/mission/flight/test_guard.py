@@ -194,9 +194,7 @@ def test_near_the_turbine_nothing_moves_on_an_old_scan(age, passes):
 
 
 def test_on_an_old_scan_the_known_way_out_stays_open_to_who_leaves():
-    near = airspace(
-        sphere_w=np.array([20.0, 0.0, 50.0]), corridor_w=np.array([[-1.0, 0.0, 50.0]])
-    )
+    near = airspace(sphere_w=np.array([20.0, 0.0, 50.0]), corridor_w=np.array([[-1.0, 0.0, 50.0]]))
     asked = command((0.0, 0.5, 50.0), phase=Phase.STAND_OFF)
     assert not check(asked, observe(scan_age=5.0), space=near).refused
     assert check(command((0.0, 0.5, 50.0)), observe(scan_age=5.0), space=near).refused
@@ -217,15 +215,16 @@ def test_no_setpoint_passes_that_obeyed_for_ever_ends_nearer_than_the_clearance(
     rng = np.random.default_rng(11)
     passed = 0
     for _ in range(4000):
-        points = rng.uniform(-18, 18, (rng.integers(1, 6), 3)) + (0.0, 0.0, 50.0)
-        distance = np.linalg.norm(points - (0.0, 0.0, 50.0), axis=1).min() - RADIUS
+        here = np.array([0.0, 0.0, 50.0])
+        points = here + rng.uniform(-18, 18, (rng.integers(1, 6), 3))
+        distance = np.linalg.norm(points - here, axis=1).min() - RADIUS
         before = Setpoint((0.0, 0.0, 50.0), tuple(rng.uniform(-2, 2, 3)), 0.0)
-        asked = command(rng.uniform(-2, 2, 3) + (0.0, 0.0, 50.0), rng.uniform(-3, 3, 3))
+        asked = command(here + rng.uniform(-2, 2, 3), rng.uniform(-3, 3, 3))
         sent = check(asked, surroundings=around(*points), previous=before).command.setpoint
         rest = np.array(sent.position_w) + REST_S * np.array(sent.velocity_w)
         then = np.linalg.norm(points - rest, axis=1).min() - RADIUS
         assert then >= min(8.0, distance) - 1e-3
-        assert np.linalg.norm(np.array(sent.position_w) - (0.0, 0.0, 50.0)) <= 1.0 + 1e-9
+        assert np.linalg.norm(np.array(sent.position_w) - here) <= 1.0 + 1e-9
         passed += sent.velocity_w != (0.0, 0.0, 0.0)
     assert passed > 300
 

@@ -1,3 +1,5 @@
+import itertools
+
 import numpy as np
 import pytest
 
@@ -33,7 +35,7 @@ def test_every_pass_is_clear_every_metre_flown_or_reasoned_and_every_way_clear(s
         assert model.distance(line).min() - RADIUS >= 8.9
         way = found.roadmap.way(here, line[0])
         assert way is not None
-        for a, b in zip(way, way[1:], strict=False):
+        for a, b in itertools.pairwise(way):
             points = a + np.linspace(0, 1, 60)[:, None] * (b - a)
             assert model.distance(points).min() - RADIUS >= 8.5
         here = line[-1]
