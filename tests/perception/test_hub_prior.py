@@ -24,8 +24,8 @@ def yaw_error_deg(result, turbine):
     return (angle + 180) % 360 - 180
 
 
-@pytest.mark.parametrize("relative", [0, 90, 200, 270])
-@pytest.mark.parametrize(("stop", "pitch"), [(0.0, 85.0), (60.0, 85.0), (30.0, 3.0)])
+@pytest.mark.parametrize("relative", [0, 90, 200])
+@pytest.mark.parametrize(("stop", "pitch"), [(0.0, 85.0), (30.0, 3.0)])
 def test_the_rotor_s_side_is_never_taken_for_the_other(synthetic_turbine, relative, stop, pitch):
     turbine = synthetic_turbine(
         stop_angle_deg=stop, pitch_deg=pitch, upwind_deg=17.0 + relative, seed=relative

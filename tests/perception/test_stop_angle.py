@@ -25,7 +25,7 @@ def estimate(turbine, *, error=(1.5, 0.5, -1.0), passes=3, seconds=1.0, **scan):
     return found, estimator
 
 
-@pytest.mark.parametrize("stop", [0.0, 60.0, 119.95, 39.0, 74.0])
+@pytest.mark.parametrize("stop", [0.0, 60.0, 119.95])
 @pytest.mark.parametrize("pitch", [86.0, 2.0])
 def test_the_stop_angle_is_found_from_the_front(synthetic_turbine, stop, pitch):
     turbine = synthetic_turbine(
@@ -44,8 +44,8 @@ def test_the_stop_angle_is_found_from_the_front(synthetic_turbine, stop, pitch):
 
 def test_two_passes_that_agree_have_converged(synthetic_turbine):
     turbine = synthetic_turbine(stop_angle_deg=33.0, trees=False)
-    estimator = estimate(turbine, passes=6, seconds=3.0)[1]
-    assert estimator.iterations == 6
+    estimator = estimate(turbine, passes=3, seconds=2.0)[1]
+    assert estimator.iterations == 3
     first = FermatEstimator(FermatMethod(), agree_deg=100.0)
     points, origin = turbine.scan(
         turbine.hub_w - 20 * turbine.normal_w, 1.0, heading_w=turbine.normal_w

@@ -23,7 +23,7 @@ def thin(points, voxel_m=0.35):
 
 
 @pytest.mark.parametrize("known", [True, False])
-@pytest.mark.parametrize(("bearing", "stop"), [(90, 0), (0, 60), (275, 119.95), (40, 25)])
+@pytest.mark.parametrize(("bearing", "stop"), [(90, 0), (275, 119.95)])
 def test_axis_radius_and_top_are_found_fifteen_metres_off(synthetic_turbine, bearing, stop, known):
     turbine = synthetic_turbine(stop_angle_deg=stop, seed=bearing)
     height = turbine.turbine.tower_height_m
