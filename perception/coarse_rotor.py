@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.rotor import direction_at, down_in_plane, right_in_plane
+from perception.rotor import down_in_plane, right_in_plane
 from perception.values import Float, Float32
 from perception.voxel_hash import compiled
 
@@ -124,75 +124,80 @@ def three_arms(
     size = int(2 * half / CELL_M) + 1
     image = np.zeros((size, size), np.float32)
     image[((u[keep] + half) / CELL_M).astype(int), ((v[keep] + half) / CELL_M).astype(int)] = 1.0
-    inner = max(1.5, 0.05 * radius_m)
-    span = int(search_radius_m / CELL_M)
-    best = _correlate(image, size // 2, span, inner, reach, 2)
-    best = _correlate_near(image, best, inner, reach)
-    score, cu, cv, step, a0, a1, a2 = best
+    spread = _blurred(image)
+    first, last = int(max(1.5, 0.05 * radius_m) / CELL_M), int(reach / CELL_M)
+    start = _correlate(spread, size // 2, int(search_radius_m / CELL_M), first, last)
+    score, cu, cv, step, a0, a1, a2 = _correlate_near(spread, *start, first, last)
     hub = centre + (cu * CELL_M - half) * right + (cv * CELL_M - half) * down
     angle = 2 * math.pi / 3 * step / ANGLE_STEPS
     return CoarseRotor(hub, normal, angle, float(score), (a0 * CELL_M, a1 * CELL_M, a2 * CELL_M))
 
 
+def _blurred(image: Float32) -> Float32:
+    """Return the image spread to its four neighbours, so that an arm may be a cell wide."""
+    spread = 0.4 * image
+    spread[1:] += 0.15 * image[:-1]
+    spread[:-1] += 0.15 * image[1:]
+    spread[:, 1:] += 0.15 * image[:, :-1]
+    spread[:, :-1] += 0.15 * image[:, 1:]
+    return spread
+
+
 @compiled
-def _arm(image: Float32, cu: float, cv: float, angle: float, inner: float, reach: float) -> float:
-    """Occupied cells along one arm, each within a cell of the line."""
+def _arm(
+    image: Float32, cu: float, cv: float, angle: float, first: int, last: int, stride: int
+) -> float:
+    """Occupied cells along one arm from its ``first`` to its ``last`` cell."""
     total = 0.0
-    cu_step, cv_step = math.sin(angle), math.cos(angle)
+    u_step, v_step = math.sin(angle), math.cos(angle)
     n = image.shape[0]
-    for k in range(int(inner / CELL_M), int(reach / CELL_M)):
-        x, y = cu + k * cu_step, cv + k * cv_step
-        i, j = int(x + 0.5), int(y + 0.5)
-        if 1 <= i < n - 1 and 1 <= j < n - 1:
-            centre = image[i, j]
-            # One cell to either side across the arm, at a lower price.
-            i2, j2 = int(x + cv_step + 0.5), int(y - cu_step + 0.5)
-            i3, j3 = int(x - cv_step + 0.5), int(y + cu_step + 0.5)
-            total += 0.5 * centre + 0.25 * (image[i2, j2] + image[i3, j3])
-    return total
+    for k in range(first, last, stride):
+        i, j = int(cu + k * u_step + 0.5), int(cv + k * v_step + 0.5)
+        if 0 <= i < n and 0 <= j < n:
+            total += image[i, j]
+    return total * stride
 
 
 @compiled
-def _scored(image: Float32, cu: float, cv: float, step: float, inner: float, reach: float):  # type: ignore[no-untyped-def]  # compiled
+def _scored(
+    image: Float32, cu: float, cv: float, step: float, first: int, last: int, stride: int
+) -> tuple[float, float, float, float]:
+    """Return sum + 2 x the weakest arm, and the three arms."""
     base = 2 * math.pi / 3 * step / ANGLE_STEPS
-    a = _arm(image, cu, cv, base, inner, reach)
-    b = _arm(image, cu, cv, base + 2 * math.pi / 3, inner, reach)
-    c = _arm(image, cu, cv, base + 4 * math.pi / 3, inner, reach)
+    a = _arm(image, cu, cv, base, first, last, stride)
+    b = _arm(image, cu, cv, base + 2 * math.pi / 3, first, last, stride)
+    c = _arm(image, cu, cv, base + 4 * math.pi / 3, first, last, stride)
     return a + b + c + 2 * min(a, b, c), a, b, c
 
 
 @compiled
-def _correlate(image: Float32, middle: int, span: int, inner: float, reach: float, stride: int):  # type: ignore[no-untyped-def]  # compiled
-    best = (-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    for i in range(middle - span, middle + span + 1, stride):
-        for j in range(middle - span, middle + span + 1, stride):
+def _correlate(
+    image: Float32, middle: int, span: int, first: int, last: int
+) -> tuple[float, float, float]:
+    """Return the best place and angle step on a grid of every other cell and step."""
+    best, best_u, best_v, best_step = -1.0, 0.0, 0.0, 0.0
+    for i in range(middle - span, middle + span + 1, 2):
+        for j in range(middle - span, middle + span + 1, 2):
             if (i - middle) ** 2 + (j - middle) ** 2 > span * span:
                 continue
             for step in range(0, ANGLE_STEPS, 2):
-                s, a, b, c = _scored(image, float(i), float(j), float(step), inner, reach)
-                if s > best[0]:
-                    best = (s, float(i), float(j), float(step), a, b, c)
-    return best
+                score = _scored(image, float(i), float(j), float(step), first, last, 2)[0]
+                if score > best:
+                    best, best_u, best_v, best_step = score, float(i), float(j), float(step)
+    return best_u, best_v, best_step
 
 
 @compiled
-def _correlate_near(image: Float32, start, inner: float, reach: float):  # type: ignore[no-untyped-def]  # compiled
-    best = start
-    _, i0, j0, step0, _, _, _ = start
-    for di in range(-3, 4):
-        for dj in range(-3, 4):
-            for ds in range(-5, 6):
-                s, a, b, c = _scored(
-                    image, i0 + 0.7 * di, j0 + 0.7 * dj, step0 + 0.6 * ds, inner, reach
-                )
-                if s > best[0]:
-                    best = (s, i0 + 0.7 * di, j0 + 0.7 * dj, step0 + 0.6 * ds, a, b, c)
+def _correlate_near(
+    image: Float32, u: float, v: float, step: float, first: int, last: int
+) -> tuple[float, float, float, float, float, float, float]:
+    """Return the best score, place, angle step and arms round a place and step."""
+    best = (-1.0, u, v, step, 0.0, 0.0, 0.0)
+    for du in range(-3, 4):
+        for dv in range(-3, 4):
+            for turn in range(-5, 6):
+                at_u, at_v, at_step = u + 0.7 * du, v + 0.7 * dv, step + 0.6 * turn
+                score, a, b, c = _scored(image, at_u, at_v, at_step, first, last, 1)
+                if score > best[0]:
+                    best = (score, at_u, at_v, at_step, a, b, c)
     return best
-
-
-def arm_directions(coarse: CoarseRotor, down_w: Float) -> list[Float]:
-    """Return the (3,) unit in-plane directions of the three arms."""
-    return [
-        direction_at(coarse.angle_rad + 2 * math.pi / 3 * k, coarse.normal_w, down_w)
-        for k in range(3)
-    ]

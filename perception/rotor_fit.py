@@ -40,6 +40,8 @@ PITCH_SPREAD_RAD = math.radians(1.3)
 """Blades of one rotor rarely stand further apart; beyond three times this they are let go."""
 MAX_SPREAD_DEG = 9.0
 MAX_PITCH_SIGMA_DEG = 9.0
+RUNNER_UP = 2.0
+"""A second start is fitted in full where its cost is below this many times the first's."""
 APART_COST = 25.0
 APART_RAD = math.radians(20.0)
 PITCH_STARTS_DEG = (-3.0, 12.0, 28.0, 45.0, 62.0, 78.0, 92.0)
@@ -235,10 +237,10 @@ def _fit(
         )
         solver = _Solver(data, axes, station, table, sense, prior_mean, prior_info)
         if attempt == 0:
-            params = _start_pitches(solver, params, data)
-        params = solver.run(params, 12)
-        if attempt == 0:
-            params = _regroup(solver, params)
+            fitted = [solver.run(start, 10) for start in _start_pitches(solver, params, data)]
+            params = _regroup(solver, min(fitted, key=solver.cost))
+        else:
+            params = solver.run(params, 10)
         jtj, cost, residuals = solver.last(params)
         hub = (
             hub + params[kernel.HX] * right + params[kernel.HY] * under + params[kernel.HZ] * normal
@@ -415,8 +417,8 @@ class _Solver:
         )
 
 
-def _start_pitches(solver: _Solver, params: Float, data: BladeData) -> Float:
-    """Return parameters with each blade's pitch at the best of the starts."""
+def _start_pitches(solver: _Solver, params: Float, data: BladeData) -> list[Float]:
+    """Return the starts worth fitting in full: the best common pitch and a different runner-up."""
     every = max(1, len(data.r_m) // 500)
     held = np.zeros(kernel.PARAMETERS)
     held[kernel.CONE : kernel.PITCH] = 1e8
@@ -425,9 +427,17 @@ def _start_pitches(solver: _Solver, params: Float, data: BladeData) -> Float:
     for start in PITCH_STARTS_DEG:
         guess = params.copy()
         guess[kernel.PITCH : kernel.CHORD] = math.radians(start)
-        guess = solver.run(guess, 6, held, 12.0, every)
+        guess = solver.run(guess, 5, held, 12.0, every)
         tries.append((solver.cost(guess, 12.0, every), guess))
-    best = min(tries, key=lambda t: t[0])[1]
+    tries.sort(key=lambda t: t[0])
+    best = tries[0][1]
+    pitches = slice(kernel.PITCH, kernel.CHORD)
+    others = [
+        guess
+        for cost, guess in tries[1:]
+        if abs(float(np.median(guess[pitches]) - np.median(best[pitches]))) > math.radians(10)
+        and cost < RUNNER_UP * tries[0][0]
+    ]
     # A blade may stand apart from the other two.
     for b in range(3):
         options = [best]
@@ -437,7 +447,7 @@ def _start_pitches(solver: _Solver, params: Float, data: BladeData) -> Float:
                 guess[kernel.PITCH + b] = math.radians(start)
                 options.append(solver.run(guess, 4, held, 12.0, every))
         best = min(options, key=lambda g: solver.cost(g, 12.0, every))
-    return best
+    return [best, *others[:1]]
 
 
 def _pitch(state: _State, b: int) -> tuple[float | None, float]:

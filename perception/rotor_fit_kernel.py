@@ -18,6 +18,8 @@ from perception.voxel_hash import compiled
 #: of the chord), thickness (relative), twist (radians), all as differences from the table.
 HX, HY, HZ, SR, SD, ANGLE, CONE, PREBEND, SAG, PITCH = range(10)
 KNOTS = 7
+#: Cosine of the steepest incidence at which a surface still returns.
+GRAZING = 0.12
 CHORD = 12
 AXIS = CHORD + KNOTS
 THICK = AXIS + KNOTS
@@ -115,24 +117,22 @@ def normal_equations(  # type: ignore[no-untyped-def]  # compiled; called from r
             q[k, 0] = ax_v + along * le_v + up * ps_v
             q[k, 1] = ax_w + along * le_w + up * ps_w
         # The nearest visible piece.
-        best, best_k, best_f, n_v, n_w = 1e18, -1, 0.0, 0.0, 0.0
+        best, best_k, best_f = 1e18, -1, 0.0
         for k in range(vertices):
             k2 = k + 1 if k + 1 < vertices else 0
             dv, dw = q[k2, 0] - q[k, 0], q[k2, 1] - q[k, 1]
-            size = math.sqrt(dv * dv + dw * dw)
-            if size < 1e-6:
-                continue
-            # Outline runs TE, suction side, LE, pressure side; its outward normal:
-            o_v, o_w = sense * dw / size, -sense * dv / size
-            if o_v * view[m, 0] + o_w * view[m, 1] > -0.12:
+            size2 = dv * dv + dw * dw
+            # Outline runs TE, suction side, LE, pressure side: its outward normal is (dw, -dv).
+            facing = sense * (dw * view[m, 0] - dv * view[m, 1])
+            if facing >= 0.0 or facing * facing < GRAZING * GRAZING * size2 or size2 < 1e-12:
                 continue
             if kind[m] == 0:
-                f2 = ((v[m] - q[k, 0]) * dv + (w[m] - q[k, 1]) * dw) / (size * size)
+                f2 = ((v[m] - q[k, 0]) * dv + (w[m] - q[k, 1]) * dw) / size2
                 f2 = min(max(f2, 0.0), 1.0)
                 e_v, e_w = v[m] - q[k, 0] - f2 * dv, w[m] - q[k, 1] - f2 * dw
                 distance = e_v * e_v + e_w * e_w
                 if distance < best:
-                    best, best_k, best_f, n_v, n_w = distance, k, f2, o_v, o_w
+                    best, best_k, best_f = distance, k, f2
             else:
                 turn = -1.0 if kind[m] == 2 else 1.0
                 if turn * q[k, 0] < best:
@@ -142,9 +142,13 @@ def normal_equations(  # type: ignore[no-untyped-def]  # compiled; called from r
         if best_k < 0:
             out_residual[m] = math.nan
             continue
+        k, k2 = best_k, (best_k + 1) % vertices
         if kind[m] != 0:
             n_v, n_w = 1.0, 0.0
-        k, k2 = best_k, (best_k + 1) % vertices
+        else:
+            dv, dw = q[k2, 0] - q[k, 0], q[k2, 1] - q[k, 1]
+            size = math.sqrt(dv * dv + dw * dw)
+            n_v, n_w = sense * dw / size, -sense * dv / size
         q_v = q[k, 0] * (1 - best_f) + q[k2, 0] * best_f
         q_w = q[k, 1] * (1 - best_f) + q[k2, 1] * best_f
         if kind[m] == 0:

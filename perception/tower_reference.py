@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from perception.rotor import right_in_plane
 from perception.values import Float
 
-MIN_POINTS = 40
+MIN_POINTS = 25
 MIN_LENGTH_M = 3.0
 GRAVITY_SIGMA_RAD = math.radians(0.6)
 """How far the tower may stand from gravity as told: lean 0.25-0.5 deg, attitude 0.5 deg."""
