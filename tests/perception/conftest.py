@@ -94,7 +94,8 @@ class SyntheticTurbine:
         ball = rng.normal(0, 1, (int(40 / self.spacing_m**2), 3))
         ball /= np.linalg.norm(ball, axis=1, keepdims=True)
         r = t.hub_radius_m * 1.05
-        rows.append((self.hub_w + r * ball, ball, np.full(len(ball), 4 * np.pi * r * r / len(ball))))
+        area = np.full(len(ball), 4 * np.pi * r * r / len(ball))
+        rows.append((self.hub_w + r * ball, ball, area))
         return tuple(np.concatenate([row[k] for row in rows]) for k in range(3))
 
     def _blade(self, rng, direction):
@@ -143,7 +144,7 @@ class SyntheticTurbine:
         places = places[np.linalg.norm(places, axis=1) > 12]
         crowns = rng.normal(0, 1, (len(places), 400, 3))
         crowns /= np.linalg.norm(crowns, axis=2, keepdims=True)
-        trees = (crowns * (2.5, 2.5, 5.0) + np.pad(places, ((0, 0), (0, 1)))[:, None] + (0, 0, 7))
+        trees = crowns * (2.5, 2.5, 5.0) + np.pad(places, ((0, 0), (0, 1)))[:, None] + (0, 0, 7)
         area = [np.full(count, 260 * 260 / count), np.full(trees.size // 3, 0.35)]
         return (
             np.concatenate([ground, trees.reshape(-1, 3)]),
