@@ -88,6 +88,8 @@ class Flight:
         self.engaged = False
         """The autopilot was seen in OFFBOARD at our asking, and we have not left it."""
         self.engaged_s = math.inf
+        self.land_asked_s = -math.inf
+        """When landing was asked for without having been in offboard."""
         self.rotor: RotorEstimate | None = None
         self.model: RotorModel | None = None
         self.plan: Plan | None = None

@@ -34,6 +34,8 @@ ON_THE_GROUND = (Idle, Preflight, Landed)
 #: Holds that also stop a return: without a trusted position nothing is flown.
 HOLDS_EVERYWHERE = frozenset({Event.LINK_SILENT, Event.POSITION_STALE, Event.POSITION_JUMP})
 EV_AGAIN_S = 2.0
+#: Modes are reported once a second: an older one may still be told for so long.
+MODE_CHANGE_S = 3.0
 #: How the mission ends for an event that sends it home; else ENDED_SAFELY.
 OUTCOME = {
     Event.ROTOR_TURNING: MissionState.REFUSED,
@@ -230,6 +232,8 @@ class Machine:
                 return
         if isinstance(self._phase, Home | Landed):
             allowed |= {FlightMode.LAND}
+            if flight.now_s - flight.land_asked_s < MODE_CHANGE_S:
+                allowed |= {FlightMode.TAKEOFF, FlightMode.HOLD}
             if vehicle.landed:
                 return
         if vehicle.mode in allowed or (flight.engaged and vehicle.mode_stamp_s < flight.engaged_s):
@@ -396,6 +400,7 @@ class Machine:
         """Land where the vehicle is, by the autopilot; on the ground, disarm."""
         flown = self._in_air()
         self._flight.engaged = False
+        self._flight.land_asked_s = self._flight.now_s
         action = Action.LAND if flown else Action.DISARM
         return Intent(words, action=action, then=Landed(flown=flown))
 
