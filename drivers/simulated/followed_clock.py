@@ -8,8 +8,10 @@ from drivers.clock import SharedClockWriter
 
 _JUMP_S = 0.5
 _SILENT_S = 0.3
-_WINDOW_S = 0.25
+_WINDOW_S = 0.1
 _PULL_PER_S = 2.0
+_PACE_S = 1.0
+_SLOWEST = 0.05
 _FASTEST = 20.0
 
 
@@ -19,6 +21,8 @@ class FollowedClock:
     def __init__(self, clock: SharedClockWriter) -> None:
         self._clock = clock
         self._mark: tuple[float, float] | None = None
+        self._pace = 1.0
+        self._steady = False
         self._heard_s = 0.0
 
     def take(self, boot_s: float, monotonic_s: float | None = None) -> None:
@@ -32,12 +36,16 @@ class FollowedClock:
             self._mark = (boot_s, now_s)
             return
         boot_0, now_0 = self._mark
-        if now_s - now_0 < _WINDOW_S:
+        passed_s = now_s - now_0
+        if passed_s < _WINDOW_S:
             if self._clock.factor() == 0.0:
-                self._clock.set_factor(1.0)
+                self._clock.set_factor(max(self._pace, _SLOWEST))
             return
-        pace = (boot_s - boot_0) / (now_s - now_0)
-        self._clock.set_factor(min(max(pace + _PULL_PER_S * ahead_s, 0.0), _FASTEST))
+        # A pace over a second or so, and what brings the two clocks together in half a second.
+        share = min(passed_s / _PACE_S, 1.0) if self._steady else 1.0
+        self._pace += share * ((boot_s - boot_0) / passed_s - self._pace)
+        self._steady = True
+        self._clock.set_factor(min(max(self._pace + _PULL_PER_S * ahead_s, 0.0), _FASTEST))
         self._mark = (boot_s, now_s)
 
     def watch(self) -> None:
