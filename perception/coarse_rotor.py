@@ -20,6 +20,8 @@ ANGLE_STEPS = 48
 HYPOTHESES = 500
 PLANE_THRESHOLD_M = 0.9
 SAMPLE = 1500
+TILT_RAD = (math.radians(-7.0), math.radians(15.0))
+"""Shafts rise upwind by 0-8 deg; attitude errs, and a plane of few points more."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,7 +45,7 @@ def rotor_planes(
 ) -> list[tuple[Float, float]]:
     """Return up to ``count`` (unit normal (3,), offset) planes, the most supported first.
 
-    Normals are within 20 deg of the horizontal and point away from the viewpoint (or along
+    Normals have the tilt of a shaft and point away from the viewpoint (or along
     ``prior_normal_w``, within 40 deg of it). Deterministic: the draws have a fixed seed.
     """
     rng = np.random.default_rng(12345)
@@ -65,7 +67,8 @@ def rotor_planes(
         else normals @ towards
     )
     normals = np.where(facing[:, None] < 0, -normals, normals)
-    upright = np.abs(normals @ down_w) < math.sin(math.radians(20))
+    sink = normals @ down_w  # sine of the tilt
+    upright = (sink > math.sin(TILT_RAD[0])) & (sink < math.sin(TILT_RAD[1]))
     if towards is not None:
         upright &= np.abs(facing) > math.cos(math.radians(40))
     normals, anchors = normals[upright], anchors[upright]
@@ -96,7 +99,8 @@ def _refit(inliers_w: Float, normal_w: Float, down_w: Float) -> tuple[Float, flo
     centre = np.median(inliers_w, axis=0)
     _, _, rows = np.linalg.svd(inliers_w - centre, full_matrices=False)
     fitted: Float = rows[2] if rows[2] @ normal_w > 0 else -rows[2]
-    if abs(fitted @ down_w) > math.sin(math.radians(16)) or fitted @ normal_w < 0.97:
+    tilted = not math.sin(TILT_RAD[0]) < fitted @ down_w < math.sin(TILT_RAD[1])
+    if tilted or fitted @ normal_w < 0.97:
         fitted = normal_w
     return fitted, float(np.median(inliers_w @ fitted))
 

@@ -40,6 +40,7 @@ PITCH_SPREAD_RAD = math.radians(1.3)
 """Blades of one rotor rarely stand further apart; beyond three times this they are let go."""
 MAX_SPREAD_DEG = 9.0
 MAX_PITCH_SIGMA_DEG = 9.0
+MIN_TILT_DEG, MAX_TILT_DEG = -5.0, 13.0
 RUNNER_UP = 2.0
 """A second start is fitted in full where its cost is below this many times the first's."""
 APART_COST = 25.0
@@ -492,6 +493,9 @@ def _rotor(
         return Refusal(
             RefusalCode.NOT_A_ROTOR, f"only {close:.0%} of the points lie on the fitted blades"
         )
+    tilt = math.degrees(math.asin(float(state.normal_w @ down)))
+    if not MIN_TILT_DEG < tilt < MAX_TILT_DEG:
+        return Refusal(RefusalCode.NOT_A_ROTOR, f"a shaft does not tilt by {tilt:.0f} deg")
     reference_down = down if tower is None else tower.down_w
     first = angle_of(
         direction_at(state.angle_rad, state.normal_w, down), state.normal_w, reference_down
