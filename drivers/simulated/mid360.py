@@ -125,6 +125,10 @@ class Mid360Twin:
         """Point packets sent so far."""
         return self._sender.sent
 
+    def unsent_since_s(self) -> float | None:
+        """Return the mission time of the oldest packet that has not left, None for none."""
+        return self._sender.unsent_since_s()
+
     def start(self) -> None:
         """Open the ports and begin to answer; OSError where a port is taken."""
         push, points, imu = _STANDARD_SOURCES if self._standard else (0, 0, 0)

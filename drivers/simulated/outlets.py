@@ -40,6 +40,10 @@ class WireScans:
             round(scan.t0_s * 1e9), scan.points_l, scan.reflectivity, scan.tag, scan.returned
         )
 
+    def unsent_since_s(self) -> float | None:
+        """Return the mission time of the oldest packet that has not left yet."""
+        return self._twin.unsent_since_s()
+
     def set_fault(self, word: Word) -> None:
         """Play a failure word from now on."""
         self._twin.set_fault(word)
@@ -109,6 +113,10 @@ class BusScans:
         for outgoing in self._spoilt(made):
             payload, attachment = encode_scan(outgoing)
             self._bus.publish(Key.SCAN, payload, POINT_CLOUD, attachment)
+
+    def unsent_since_s(self) -> float | None:
+        """Nothing waits here: whole scans are published at once."""
+        return None
 
     def set_fault(self, word: Word) -> None:
         """Play a failure word from now on."""

@@ -161,7 +161,10 @@ class Renderer:
             float(self._caster.clearance_m(places, end_s).min()) if len(places) else math.inf
         )
         self.min_clearance_m = min(self.min_clearance_m, clearance)
-        return RenderProgress(end_s, clearance)
+        # A scan is out when its packets are: the world waits for the sensor's wire too.
+        unsent_s = self._scans.unsent_since_s()
+        done_s = end_s if unsent_s is None else min(end_s, unsent_s + SCAN_S)
+        return RenderProgress(done_s, clearance)
 
     def _draw_still(self) -> list[RenderProgress | StillDone]:
         if self._drawing is None:
@@ -227,6 +230,8 @@ def serve(renderer: Renderer, connection: Connection) -> None:
 def main(run_dir: Path) -> None:
     """Run the process: connect to the world, draw, judge, leave."""
     os.nice(_NICE)
+    # The sensor's sender must get its turn beside the casting, thousands of times a second.
+    sys.setswitchinterval(0.0005)
     # The world ends this process through the link; a terminal's Ctrl-C reaches all at once.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     settings = Settings.model_validate_json((run_dir / "settings.json").read_text("utf-8"))

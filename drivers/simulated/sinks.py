@@ -21,6 +21,10 @@ class ScanSink(Protocol):
         """Take a period's rays in firing order."""
         ...
 
+    def unsent_since_s(self) -> float | None:
+        """Return the mission time of the oldest data that has not left, None for none."""
+        ...
+
     def set_fault(self, word: Word) -> None:
         """Play a failure word from now on (`ok` ends it)."""
         ...

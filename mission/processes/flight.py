@@ -101,6 +101,7 @@ class Flight:
         self._link_words = "looking for the vehicle"
         self._photo_commands: dict[int, PhotoCommand] = {}
         self._last_observation: Observation | None = None
+        self._progress = IDLE_PROGRESS
         self._reported = True
         bus.subscribe(Key.INTENT, self._take_intent)
 
@@ -179,7 +180,7 @@ class Flight:
         if machine is None:
             self._outputs.vehicle(observation)
             if self._tick % 4 == 0:
-                self._outputs.state(IDLE_PROGRESS, observation, self._inputs, self._intent)
+                self._outputs.state(self._progress, observation, self._inputs, self._intent)
             return
         command, events = machine.step(observation)
         guarded = self._guard.check(
@@ -276,6 +277,8 @@ class Flight:
         events: tuple[EventRecord, ...],
     ) -> None:
         command: Command = guarded.command
+        # How a mission ended stays on show until the next one begins.
+        self._progress = command.progress
         self._outputs.vehicle(observation)
         self._outputs.task(command.sensing, observation.now_s)
         for event in events:

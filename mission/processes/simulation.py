@@ -278,7 +278,7 @@ def _fly(
         client.watch(watcher.take_state, watcher.take_event, watcher.take_recorded)
         folder = _start(daemon, client, site)
         aborted = False
-        while not (_ended(watcher, folder)):
+        while not _ended(watcher, folder):
             daemon.check()
             time.sleep(0.1)
             state = watcher.state
