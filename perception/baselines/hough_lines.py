@@ -19,15 +19,15 @@ REFERENCE_WIDTH_PX = 640
 class HoughSettings:
     """Lengths in pixels of a picture 640 wide."""
 
-    equalise: bool = True
+    equalise: bool = False
     blur_px: int = 5
-    canny_low: float = 50.0
-    canny_high: float = 100.0
+    canny_low: float = 25.0
+    canny_high: float = 60.0
     rho_px: float = 1.0
     theta_deg: float = 0.5
     votes: int = 30
     min_length_px: float = 40.0
-    max_gap_px: float = 10.0
+    max_gap_px: float = 5.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -23,15 +23,15 @@ _SIXTY = round(60 / STEP_DEG)
 class VoteSettings:
     """Lengths as shares of the tower's width in the picture, unless named otherwise."""
 
-    half_chord: float = 0.8
+    half_chord: float = 1.0
     """A line farther from the hub is not a blade's."""
-    distance_sigma: float = 0.4
+    distance_sigma: float = 0.5
     longest: float = 0.30
     """A line counts no more than this share of the picture's width."""
-    smooth_deg: float = 2.5
-    member_deg: float = 6.0
+    smooth_deg: float = 3.5
+    member_deg: float = 7.0
     """Lines this near to the peak are the blades'."""
-    weakest: float = 2.0
+    weakest: float = 4.0
     """The weakest of the three lines counts so much more than the others."""
     row_step_px: float = 4.0
     """Between candidates of the hub along the tower's centre line, 640 pixels wide."""
@@ -39,9 +39,9 @@ class VoteSettings:
     """The same over the whole picture, where no tower is seen."""
     aside: tuple[float, ...] = (-0.6, -0.3, 0.0, 0.3, 0.6)
     """Candidates beside it: the hub stands before the tower, the camera not before the hub."""
-    min_share: float = 0.3
+    min_share: float = 0.2
     """Of all votes, that the members of the peak must hold."""
-    min_class: float = 0.08
+    min_class: float = 0.05
     """Of the members' votes, that each of the three undirected blades must hold."""
     tower_class_deg: float = 8.0
     """A blade this near to the tower's line cannot be told from it."""

@@ -15,7 +15,7 @@ from perception.values import Float
 class TowerSettings:
     """Lengths as shares of the picture's width."""
 
-    max_lean_deg: float = 12.0
+    max_lean_deg: float = 8.0
     max_taper_deg: float = 5.0
     min_width: float = 0.03
     max_width: float = 0.15
@@ -114,7 +114,8 @@ def _gap(one: _Edge, other: _Edge) -> float:
 
 
 def _is_pair(one: _Edge, other: _Edge, height: int, width: int, setting: TowerSettings) -> bool:
-    taper = abs(float(np.cross(one.direction, other.direction)))
+    a, b = one.direction, other.direction
+    taper = abs(float(a[0] * b[1] - a[1] * b[0]))
     if taper > np.sin(np.radians(setting.max_taper_deg)):
         return False
     low = setting.low_end * height
