@@ -36,8 +36,6 @@ class Segments:
 
     ends: Float
     """(N, 2, 2) the two ends, the upper first."""
-    rises: NDArray[np.float64]
-    """(N,) mean brightness gradient along the normal: positive where the right is brighter."""
 
     def __len__(self) -> int:
         return len(self.ends)
@@ -71,7 +69,7 @@ class Segments:
 
     def take(self, which: NDArray[np.bool_]) -> Segments:
         """Return those of an (N,) mask."""
-        return Segments(self.ends[which], self.rises[which])
+        return Segments(self.ends[which])
 
 
 def find_segments(grey: Bytes, roll_rad: float, centre: Float, setting: HoughSettings) -> Segments:
@@ -92,36 +90,15 @@ def find_segments(grey: Bytes, roll_rad: float, centre: Float, setting: HoughSet
     )
     # OpenCV answers None for an empty picture, which its types do not say.
     ends = np.zeros((0, 2, 2)) if found is None else np.asarray(found, float).reshape(-1, 2, 2)
-    rises = _rises(np.asarray(smooth, np.float32), ends, 3.0 * scale)
-    return _upright(Segments(ends, rises), roll_rad, centre)
+    return _upright(ends, roll_rad, centre)
 
 
-def _rises(smooth: NDArray[np.float32], ends: Float, step_px: float) -> Float:
-    """Return (N,) mean differences of brightness right minus left of segments (N, 2, 2)."""
-    if not len(ends):
-        return np.zeros(0)
-    along = ends[:, 1] - ends[:, 0]
-    down = np.where((along[:, 1] < 0)[:, None], -along, along)
-    normal = np.stack([down[:, 1], -down[:, 0]], axis=1)
-    normal = normal / np.linalg.norm(normal, axis=1, keepdims=True) * step_px
-    share = np.linspace(0.05, 0.95, 15)[None, :, None]
-    places = ends[:, :1] + share * along[:, None]
-    right, left = (_sampled(smooth, places + sign * normal[:, None]) for sign in (1.0, -1.0))
-    return np.asarray((right - left).mean(axis=1), np.float64)
-
-
-def _sampled(picture: NDArray[np.float32], places: Float) -> Float:
-    x = np.clip(np.rint(places[..., 0]).astype(int), 0, picture.shape[1] - 1)
-    y = np.clip(np.rint(places[..., 1]).astype(int), 0, picture.shape[0] - 1)
-    return np.asarray(picture[y, x], np.float64)
-
-
-def _upright(segments: Segments, roll_rad: float, centre: Float) -> Segments:
+def _upright(ends: Float, roll_rad: float, centre: Float) -> Segments:
     """Turn by the camera's roll, so that straight down is (0, 1), and put upper ends first."""
-    ends = turned(segments.ends, roll_rad, centre)
+    ends = turned(ends, roll_rad, centre)
     swap = ends[:, 0, 1] > ends[:, 1, 1]
     ends[swap] = ends[swap, ::-1]
-    return Segments(ends, segments.rises)
+    return Segments(ends)
 
 
 def turned(points: Float, roll_rad: float, centre: Float) -> Float:
