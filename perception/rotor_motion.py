@@ -29,7 +29,7 @@ INNER_M = 6.0
 MIN_CELLS = 40
 TOWER_SKIN_M = 0.7
 #: Rates below this are not told from the vehicle's own drift.
-SLOWEST_DPS = 0.25
+SLOWEST_DPS = 0.4
 #: Pictures are compared within this turn; blades repeat every 120 deg.
 MAX_TURN_DEG = 50.0
 

@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from config.presets import load_turbine
+from config.turbine import Turbine
 from drivers.bus import Bus, Key
 from mission.flight.command import SensingMode, SensingTask
 from mission.flight.observation import BladeEstimate, HubPrior, RotorEstimate, Vec3
@@ -26,9 +27,13 @@ from perception.rotor_motion import RotorMotionWatch
 from perception.values import Float, Scan
 
 SURVEY_PERIOD_S = 1.0
+PRIOR_PERIOD_S = 0.5
 #: The rotor's side, once seen, is kept for so long, while the tower stays where it was.
 SIDE_KEPT_S = 30.0
 SIDE_MOVED_M = 3.0
+#: The vehicle stands still when it has moved by less over the poses kept (6 s).
+STEADY_M = 2.0
+QUICK_DPS = 2.0
 
 _HUB_PRIOR = TypeAdapter(HubPrior)
 _ROTOR = TypeAdapter(RotorEstimate)
@@ -47,6 +52,10 @@ class _Gathered:
     """The last look in which the rotor's side was seen."""
     estimator: RotorEstimator | None = None
     last_result_s: float = float("-inf")
+    prior: SurveyResult | None = None
+    last_prior_s: float = float("-inf")
+    turning_s: float = float("inf")
+    """Since when a slow turn is seen without a break."""
 
 
 class EstimationWorker:
@@ -93,21 +102,46 @@ class EstimationWorker:
         gathered.survey.update(points_w, stamp_s)
         if gathered.motion is not None:
             gathered.motion.update(points_w, stamp_s)
-        if stamp_s - gathered.last_result_s < SURVEY_PERIOD_S:
-            return
-        gathered.last_result_s = stamp_s
-        result = gathered.survey.result()
+        if stamp_s - gathered.last_result_s >= SURVEY_PERIOD_S:
+            gathered.last_result_s = stamp_s
+            self._look(gathered, turbine)
+        if gathered.prior is not None and stamp_s - gathered.last_prior_s >= PRIOR_PERIOD_S:
+            gathered.last_prior_s = stamp_s
+            prior = _prior(gathered.prior, self._turning(gathered))
+            self._bus.publish(Key.HUB_PRIOR, _HUB_PRIOR.dump_json(prior))
+
+    def _look(self, gathered: _Gathered, turbine: Turbine | None) -> None:
+        result = None if gathered.survey is None else gathered.survey.result()
         if result is None:
             return
-        result = _with_side(result, gathered)
+        gathered.prior = result = _with_side(result, gathered)
         if gathered.motion is None and result.normal_w is not None:
             radius_m = 50.0 if turbine is None else turbine.rotor_radius_m
             gathered.motion = RotorMotionWatch(
                 result.hub_w, result.normal_w, radius_m, result.tower
             )
+
+    def _turning(self, gathered: _Gathered) -> bool | None:
+        """Return whether the rotor turns; from a moving vehicle only a quick one is told.
+
+        Flying past a feathered blade shows other parts of it from moment to moment, which looks
+        like a slow turn of up to a third of a degree a second.
+        """
         motion = None if gathered.motion is None else gathered.motion.result()
-        turning = None if motion is None else motion.turning
-        self._bus.publish(Key.HUB_PRIOR, _HUB_PRIOR.dump_json(_prior(result, turning)))
+        if motion is None:
+            return None
+        if motion.turning and abs(motion.rate_dps) > QUICK_DPS:
+            return True
+        places = np.array([pose.position_w for pose in self._inbox.poses])
+        if not len(places) or float(np.ptp(places, axis=0).max()) > STEADY_M:
+            gathered.turning_s = float("inf")
+            return None
+        # One look may err: a slow turn counts when it is seen again half a second later.
+        if not motion.turning:
+            gathered.turning_s = float("inf")
+            return False
+        gathered.turning_s = min(gathered.turning_s, gathered.last_prior_s)
+        return True if gathered.last_prior_s > gathered.turning_s else None
 
     # --- the rotor ------------------------------------------------------------------------------
 
