@@ -16,6 +16,9 @@ class Lidar(ConfigModel):
     """`livox`: the sensor's own UDP protocol; `bus`: someone else publishes scans on Zenoh."""
     nose_down_deg: Annotated[float, Field(ge=-90, le=90)] = 23.0
     """Mounting pitch; positive looks down (the paper writes -23)."""
+    min_elevation_deg: Annotated[float, Field(ge=-90, le=0)] = -7.0
+    max_elevation_deg: Annotated[float, Field(ge=0, le=90)] = 52.0
+    """Field of view in the sensor's own frame."""
     offset_m: tuple[float, float, float] = (0.15, 0.0, 0.10)
     """Sensor origin in the body frame (forward, left, up)."""
     lidar_ip: str = "192.168.1.100"

@@ -7,6 +7,7 @@ commands, which is what a replay checks.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from config.settings import Settings
@@ -34,6 +35,7 @@ ON_THE_GROUND = (Idle, Preflight, Landed)
 #: Holds that also stop a return: without a trusted position nothing is flown.
 HOLDS_EVERYWHERE = frozenset({Event.LINK_SILENT, Event.POSITION_STALE, Event.POSITION_JUMP})
 EV_AGAIN_S = 2.0
+TOLD_AGAIN_S = 10.0
 #: Modes are reported once a second: an older one may still be told for so long.
 MODE_CHANGE_S = 3.0
 #: How the mission ends for an event that sends it home; else ENDED_SAFELY.
@@ -51,7 +53,7 @@ class Machine:
         self._flight = Flight(settings, site, turbine)
         self._phase: PhaseStep = Idle()
         self._watch = Watch()
-        self._active: set[Event] = set()
+        self._seen_s: dict[Event, float] = {}
         self._times: list[PhaseTime] = []
         self._entered_s = 0.0
         self._started_s: float | None = None
@@ -328,9 +330,11 @@ class Machine:
             flight.raised.clear()
             return None
         active = self._watch.update(flight, phase.phase)
-        for new in sorted(active - self._active):
-            flight.note(new, POLICY[new].words, POLICY[new].reaction)
-        self._active = active
+        for one in sorted(active):
+            # A condition that comes and goes is told once, until it has been away for a while.
+            if flight.now_s - self._seen_s.get(one, -math.inf) > TOLD_AGAIN_S:
+                flight.note(one, POLICY[one].words, POLICY[one].reaction)
+            self._seen_s[one] = flight.now_s
         if isinstance(phase, Released | Landed):
             if Event.PILOT_TOOK_OVER in active and isinstance(phase, Landed):
                 return self._release(POLICY[Event.PILOT_TOOK_OVER].words)

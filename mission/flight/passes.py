@@ -165,7 +165,7 @@ def plan_side(
     turns = [t for t in (0, 15, -15, 30, -30, 45, -45, 60, -60)
              if abs(t) <= settings.tracking.max_view_turn_deg]  # fmt: skip
     views = _views(frame, straight, turns, (0,), grid, model, settings, ground_m)
-    if not any(_gimbal_sees(view.view_w, settings) for view in views):
+    if not any(_in_view(view.view_w, settings) for view in views):
         views += _views(frame, straight, turns, SLANTS_DEG, grid, model, settings, ground_m)
     best = max(views, key=lambda v: v.worth * int(v.seen.sum()) * _nearness(v))
     chosen = [(best, best.seen)]
@@ -217,7 +217,7 @@ def _views(
         + math.sin(math.radians(slant)) * frame.axis_w
         for turn, slant in angles
     ]
-    sees = [_gimbal_sees(view_w, settings) for view_w in views]
+    sees = [_in_view(view_w, settings) for view_w in views]
     if any(slants):
         # Slanted views serve the gimbal alone: those that do not help need no judging.
         angles = [angle for angle, seen in zip(angles, sees, strict=True) if seen]
@@ -243,12 +243,15 @@ def _views(
     return found
 
 
-def _gimbal_sees(view_w: Float, settings: Settings) -> bool:
+def _in_view(view_w: Float, settings: Settings) -> bool:
     elevation = math.degrees(math.asin(max(-1.0, min(1.0, -float(view_w[2])))))
-    gimbal = settings.gimbal
+    gimbal, lidar = settings.gimbal, settings.lidar
     # Two degrees are left for the vehicle's wander; straight down needs none.
     low = gimbal.min_pitch_deg if gimbal.min_pitch_deg <= -90 else gimbal.min_pitch_deg + 2
-    return low <= elevation <= gimbal.max_pitch_deg - 2
+    # The nose faces the blade: what the LiDAR sees ahead is its own band, turned nose-down.
+    low = max(low, lidar.min_elevation_deg - lidar.nose_down_deg + 2)
+    high = min(gimbal.max_pitch_deg, lidar.max_elevation_deg - lidar.nose_down_deg) - 2
+    return low <= elevation <= high
 
 
 def _profile(clear: Mask, distances: Float) -> Float:
@@ -276,7 +279,7 @@ def _reasons(
 ) -> tuple[str, ...]:
     """Name per metre what forbids the view where it is least forbidden."""
     if not gimbal:
-        return ("the gimbal cannot look there",) * clearance.shape[1]
+        return ("gimbal or LiDAR would lose the blade",) * clearance.shape[1]
     names = [f"blade {frame.name}" for frame in model.frames] + ["tower", "nacelle", "hub"]
     best = clearance.argmax(axis=0)
     words = []

@@ -17,7 +17,13 @@ from config.turbine import Turbine
 from drivers.bus import Bus, Key, Sample
 from drivers.codecs import POINT_CLOUD, BadMessage, decode_frame, encode_points
 from mission.flight.command import SensingMode, SensingTask
-from mission.flight.observation import BladeTrack, ClearanceState, ExposureState, Vec3
+from mission.flight.observation import (
+    BladeTrack,
+    CameraState,
+    ClearanceState,
+    ExposureState,
+    Vec3,
+)
 from mission.processes.runtime import Runtime, run_process
 from mission.processes.sensor_inbox import SensorInbox
 from perception.blade_line import fit_blade_line
@@ -36,7 +42,8 @@ AROUND_POINTS = 1500
 BLADE_WINDOW_S = 0.3
 RATE_WINDOW = 10
 #: From a setting acknowledged to the first frame exposed with it, until it is learned.
-EXPOSURE_LATENCY_S = 0.12
+EXPOSURE_LATENCY_S = 0.25
+EXPOSURE_GIVEN_UP_S = 1.5
 #: Share of the blade's width that surely is blade, for the metering mask.
 SURE_WIDTH = 0.6
 
@@ -63,6 +70,8 @@ class TrackingWorker:
         }
         self._task_id = -1
         self._exposure: ExposureControl | None = None
+        self._wanted_ev: float | None = None
+        self._wanted_s = float("-inf")
         self._foot_w: Vec3 | None = None
         self._evs: deque[tuple[float, float]] = deque(maxlen=50)
         bus.subscribe_newest(Key.FRAME, self._take_frame)
@@ -156,7 +165,7 @@ class TrackingWorker:
         except BadMessage:
             return
         if self._inbox.task.mode is not SensingMode.BLADE:
-            self._exposure = None
+            self._exposure = self._wanted_ev = None
             return
         metered = self._meter(frame)
         ev = self._ev_of(frame.stamp_s)
@@ -167,7 +176,14 @@ class TrackingWorker:
             self._exposure = exposure_control(
                 self._settings.exposure, min_ev=camera.min_ev, max_ev=camera.max_ev
             )
-        wanted = self._exposure.update(metered.mean_grey, metered.clipped, ev, frame.stamp_s)
+        if self._settled(frame.stamp_s, camera):
+            self._wanted_ev = self._exposure.update(
+                metered.mean_grey, metered.clipped, ev, frame.stamp_s
+            )
+            self._wanted_s = frame.stamp_s
+        wanted = camera.ev if self._wanted_ev is None else self._wanted_ev
+        if wanted is None:
+            return
         limits = self._settings.exposure
         state = ExposureState(
             stamp_s=frame.stamp_s,
@@ -178,6 +194,18 @@ class TrackingWorker:
             pixels=metered.pixels,
         )
         self._bus.publish(Key.EXPOSURE, _EXPOSURE.dump_json(state))
+
+    def _settled(self, stamp_s: float, camera: CameraState) -> bool:
+        """Return whether it is certain which EV produced a frame.
+
+        The last wish must have been taken (or given up), and the frame be exposed after it.
+        """
+        if self._wanted_ev is None or camera.ev is None:
+            return True
+        taken = abs(camera.ev - self._wanted_ev) < 0.75 * camera.step_ev
+        if not taken and stamp_s - self._wanted_s < EXPOSURE_GIVEN_UP_S:
+            return False
+        return stamp_s - camera.ev_stamp_s > EXPOSURE_LATENCY_S
 
     def _ev_of(self, stamp_s: float) -> float | None:
         """Return the EV in force when a frame was exposed, not the one last asked for."""
