@@ -5,18 +5,16 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.box import SIMPLE_HEAD
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
-from rich.text import Text
 
-from config.errors import ConfigError
-from config.sources import DEFAULT, Loaded, load
 from mission.cli.exits import Exit, end
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from config.sources import Loaded
 
 app = typer.Typer(no_args_is_help=True, add_completion=False)
 
@@ -32,6 +30,10 @@ def show(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Show the value of every setting and where it comes from."""
+    from rich.console import Console
+
+    from config.sources import ConfigError, load
+
     try:
         loaded = load(config or [], set_ or [])
     except ConfigError as error:
@@ -47,11 +49,13 @@ def check(
     file: Annotated[Path, typer.Argument(help="A settings file or scenario.")],
 ) -> None:
     """Check a file by itself: exit 0 when every value can be used, else 2 and say why not."""
+    from config.sources import ConfigError, load
+
     try:
         load([file], environment={})
     except ConfigError as error:
         end(Exit.CONFIGURATION, str(error))
-    Console().print(f"{escape(str(file))}: every value can be used", soft_wrap=True)
+    typer.echo(f"{file}: every value can be used")
 
 
 def _as_object(loaded: Loaded) -> dict[str, object]:
@@ -62,6 +66,12 @@ def _as_object(loaded: Loaded) -> dict[str, object]:
 
 
 def _as_table(loaded: Loaded) -> Table:
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+    from rich.text import Text
+
+    from config.sources import DEFAULT
+
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
     table.add_column("setting", no_wrap=True)
     table.add_column("value", overflow="fold")

@@ -6,8 +6,6 @@ from enum import IntEnum
 from typing import NoReturn
 
 import typer
-from rich.console import Console
-from rich.markup import escape
 
 from mission.flight.command import MissionState
 
@@ -23,7 +21,7 @@ class Exit(IntEnum):
     FAILED = 6
 
 
-EXIT_OF_STATE = {
+_OF_STATE = {
     MissionState.COMPLETED: Exit.DONE,
     MissionState.REFUSED: Exit.REFUSED,
     MissionState.ENDED_SAFELY: Exit.UNFINISHED,
@@ -31,10 +29,14 @@ EXIT_OF_STATE = {
     MissionState.FAILED: Exit.FAILED,
 }
 
-errors = Console(stderr=True, highlight=False)
+
+def exit_of(state: MissionState) -> Exit:
+    """Return the code for how a mission ended."""
+    return _OF_STATE.get(state, Exit.FAILED)
 
 
 def end(code: Exit, sentence: str) -> NoReturn:
     """Print one sentence on standard error and leave with the code."""
-    errors.print(f"[bold red]error:[/] {escape(sentence)}", soft_wrap=True)
+    typer.secho("error: ", fg=typer.colors.RED, bold=True, nl=False, err=True)
+    typer.echo(sentence, err=True)
     raise typer.Exit(int(code))

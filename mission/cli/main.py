@@ -1,4 +1,8 @@
-"""The command `bladescout`."""
+"""The command `bladescout`.
+
+The modules of the commands import what they need when they run, so that `--help` and a short
+request answer at once.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +14,7 @@ import typer
 
 from mission.cli import config_command, remote_commands, report_commands, serve_command
 from mission.cli import simulate_command as simulation
-from mission.cli.exits import Exit, errors
+from mission.cli.exits import Exit
 
 app = typer.Typer(
     name="bladescout",
@@ -49,15 +53,15 @@ def run() -> None:
     try:
         app()
     except KeyboardInterrupt:
-        errors.print("interrupted")
+        typer.echo("interrupted", err=True)
         sys.exit(int(Exit.UNFINISHED))
     except Exception as error:  # noqa: BLE001 - the last line of defence; logged in full below
         log_file = Path("bladescout-error.log")
         import traceback
 
         log_file.write_text(traceback.format_exc())
-        errors.print(f"[bold red]error:[/] {type(error).__name__}: {error}", soft_wrap=True)
-        errors.print(f"This is a defect of bladescout; the details are in {log_file}.")
+        typer.echo(f"error: {type(error).__name__}: {error}", err=True)
+        typer.echo(f"This is a defect of bladescout; the details are in {log_file}.", err=True)
         sys.exit(int(Exit.FAILED))
 
 

@@ -6,13 +6,14 @@ import time
 from types import TracebackType
 from typing import Self
 
-from rich.console import Console, Group
+from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.panel import Panel
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from mission.flight.command import Progress
 from mission.remote.messages import EventMessage, StateMessage
 
 _SEVERITY_STYLE = {
@@ -28,12 +29,18 @@ _SEVERITY_STYLE = {
 _PLAIN_PERIOD_S = 5.0
 
 
-def _or_dash(value: float | None, form: str) -> str:
-    return "-" if value is None else format(value, form)
+def _or_dash(value: float | None, form: str, unit: str = "") -> str:
+    return "-" if value is None else format(value, form) + unit
 
 
-def _bar(share: float, width: int = 24) -> ProgressBar:
-    return ProgressBar(total=1.0, completed=min(1.0, max(0.0, share)), width=width)
+def _bar(share: float | None, width: int = 18) -> RenderableType:
+    """Return a bar with its figure beside it; a dash where nothing is known."""
+    if share is None:
+        return Text("-")
+    bar = Table.grid(padding=(0, 1))
+    completed = min(1.0, max(0.0, share))
+    bar.add_row(ProgressBar(total=1.0, completed=completed, width=width), f"{share:.0%}")
+    return bar
 
 
 class LiveProgress:
@@ -88,16 +95,15 @@ class LiveProgress:
 
     def _line(self, state: StateMessage) -> str:
         p = state.progress
-        height = None if state.position_w is None else state.position_w[2]
         parts = [
             f"{state.mission_s:6.0f} s",
             f"{p.phase:9}",
-            f"height {_or_dash(height, '.0f')} m",
-            f"clearance {_or_dash(p.clearance_m, '.1f')} m",
-            f"battery {_or_dash(None if state.battery is None else state.battery * 100, '.0f')} %",
-            f"angle {_or_dash(p.stop_angle_deg, '.2f')} deg",
+            f"height {_or_dash(_height_m(state), '.0f', ' m')}",
+            f"clearance {_or_dash(p.clearance_m, '.1f', ' m')}",
+            f"battery {_or_dash(state.battery, '.0%')}",
+            f"angle {_or_dash(p.stop_angle_deg, '.2f', ' deg')}",
             f"photos {p.photos}",
-            f"coverage {p.coverage * 100:.0f} %",
+            f"coverage {p.coverage:.0%}",
             f"x{state.factor:.1f}",
             p.words,
         ]
@@ -105,30 +111,63 @@ class LiveProgress:
 
     def _panel(self, state: StateMessage) -> Panel:
         p = state.progress
-        height = None if state.position_w is None else state.position_w[2]
         left, right = Table.grid(padding=(0, 1)), Table.grid(padding=(0, 1))
         for grid in (left, right):
-            grid.add_column(style="dim", min_width=11)
-            grid.add_column(min_width=22)
-        left.add_row("phase", Text(str(p.phase), style="bold cyan"))
-        left.add_row("height", f"{_or_dash(height, '.1f')} m")
-        left.add_row("distance", f"{_or_dash(p.distance_m, '.2f')} m")
-        left.add_row("clearance", f"{_or_dash(p.clearance_m, '.1f')} m")
-        angle = f"{_or_dash(p.stop_angle_deg, '.2f')} deg"
-        if p.sigma_deg is not None:
-            angle += f" +- {p.sigma_deg:.2f}"
-        left.add_row("stop angle", angle)
-        now = f"{p.blade} {p.side}  metre {_or_dash(p.metre, '.1f')}" if p.blade else "-"
-        right.add_row("blade", f"{now}  ({p.pass_index}/{p.pass_count})" if p.blade else "-")
+            grid.add_column(style="dim", min_width=10)
+            grid.add_column(overflow="ellipsis", no_wrap=True)
+        left.add_row("phase", Text(p.phase, style="bold cyan"))
+        left.add_row("height", _or_dash(_height_m(state), ".1f", " m"))
+        left.add_row("distance", _or_dash(p.distance_m, ".2f", " m"))
+        left.add_row("clearance", _or_dash(p.clearance_m, ".1f", " m"))
+        left.add_row("stop angle", _angle(p))
+        right.add_row("blade", _blade(p))
         right.add_row("photos", str(p.photos))
         right.add_row("coverage", _bar(p.coverage))
-        right.add_row("battery", _bar(state.battery or 0.0))
+        right.add_row("battery", _bar(state.battery))
         grey = _or_dash(state.grey, ".0f")
         right.add_row("exposure", f"grey {grey}  EV {_or_dash(state.ev, '+.2f')}")
         top = Table.grid(expand=True)
-        top.add_column(ratio=1)
-        top.add_column(ratio=1)
+        top.add_column(ratio=4)
+        top.add_column(ratio=5)
         top.add_row(left, right)
-        footer = Text(p.words, style="italic")
+        footer = Text(p.words, style="italic", overflow="ellipsis", no_wrap=True)
         title = f"{self._title}  {state.mission_s:.0f} s  real-time factor {state.factor:.1f}"
         return Panel(Group(top, footer), title=title, border_style="cyan", padding=(0, 1))
+
+
+def status_table(state: StateMessage) -> Table:
+    """Return how the mission stands, a line for each figure."""
+    p = state.progress
+    table = Table.grid(padding=(0, 2))
+    table.add_column(style="dim")
+    table.add_column(overflow="fold")
+    table.add_row("vehicle", state.vehicle if state.link_ok else f"{state.vehicle} (no link)")
+    table.add_row("state", Text(p.state, style="bold"))
+    table.add_row("phase", Text(p.phase))
+    table.add_row("", Text(p.words))
+    if state.mission_dir:
+        table.add_row("turbine", Text(state.site))
+        table.add_row("folder", Text(state.mission_dir))
+        table.add_row("stop angle", _angle(p))
+        table.add_row("blade", _blade(p))
+        table.add_row("photos", f"{p.photos}, coverage {p.coverage:.0%}")
+    table.add_row("height", _or_dash(_height_m(state), ".1f", " m"))
+    table.add_row("clearance", _or_dash(p.clearance_m, ".1f", " m"))
+    table.add_row("battery", _or_dash(state.battery, ".0%"))
+    return table
+
+
+def _height_m(state: StateMessage) -> float | None:
+    return None if state.position_w is None else state.position_w[2]
+
+
+def _angle(p: Progress) -> str:
+    angle = _or_dash(p.stop_angle_deg, ".2f", " deg")
+    return angle if p.sigma_deg is None else f"{angle} +- {p.sigma_deg:.2f}"
+
+
+def _blade(p: Progress) -> str:
+    if not p.blade:
+        return "-"
+    metre = _or_dash(p.metre, ".1f")
+    return f"{p.blade} {p.side}  metre {metre}  ({p.pass_index}/{p.pass_count})"

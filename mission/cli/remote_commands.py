@@ -2,29 +2,36 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import time
 from collections.abc import Callable
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
-from config.links import Bus as BusSettings
-from drivers.bus import BusUnreachable
-from mission.cli.exits import EXIT_OF_STATE, Exit, end
-from mission.cli.progress import LiveProgress
-from mission.processes.simulation import TERMINAL
-from mission.remote.client import Client, NoReply
-from mission.remote.messages import Reply, StateMessage
+from mission.cli.exits import Exit, end, exit_of
+
+if TYPE_CHECKING:
+    from mission.remote.client import Client
+    from mission.remote.messages import Reply, StateMessage
+
+DEFAULT_ROUTER = "tcp/127.0.0.1:7447"
+#: A daemon tells its state five times a second; after this long it is taken for gone.
+SILENCE_S = 10.0
 
 Vehicle = Annotated[str, typer.Option(help="Name of the vehicle.")]
 Router = Annotated[str, typer.Option(help="End point of the daemon's bus.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the reply as JSON.")]
-DEFAULT_ROUTER = BusSettings().listen
 
 
 def _connect(vehicle: str, router: str) -> Client:
+    from config.links import Bus as BusSettings
+    from drivers.bus import BusUnreachable
+    from mission.remote.client import Client
+
+    if re.fullmatch(r"[A-Za-z0-9_-]{1,32}", vehicle) is None:
+        end(Exit.CONFIGURATION, f"--vehicle {vehicle!r}: up to 32 letters, digits, '_' and '-'")
     try:
         return Client(vehicle, BusSettings(listen=router))
     except BusUnreachable as error:
@@ -34,12 +41,14 @@ def _connect(vehicle: str, router: str) -> Client:
 def _show(reply: Reply, as_json: bool) -> None:
     if as_json:
         sys.stdout.write(reply.model_dump_json() + "\n")
-    elif reply.ok:
-        Console().print(reply.text, highlight=False)
-    if not reply.ok:
-        if as_json:
+        if not reply.ok:
             raise typer.Exit(int(Exit.REFUSED))
+        return
+    if not reply.ok:
         end(Exit.REFUSED, f"{reply.text} ({reply.code})")
+    typer.echo(reply.text)
+    if reply.mission_dir:
+        typer.echo(f"mission folder: {reply.mission_dir}")
 
 
 def start(
@@ -60,15 +69,25 @@ def start(
     """Start a mission at a turbine."""
     with _connect(vehicle, router) as client:
         _answered(
-            lambda: client.start(turbine, operator=operator, rotor_locked=rotor_locked), as_json
+            lambda: client.start(turbine, operator=operator, rotor_locked=rotor_locked),
+            lambda reply: _show(reply, as_json),
         )
 
 
-def _answered(ask: Callable[[], Reply], as_json: bool) -> None:
+def _answered(ask: Callable[[], Reply], show: Callable[[Reply], None]) -> None:
+    from pydantic import ValidationError
+
+    from mission.remote.client import NoReply
+
     try:
-        _show(ask(), as_json)
+        reply = ask()
     except NoReply as error:
         end(Exit.DEVICE, str(error))
+    except ValidationError as error:
+        fault = error.errors()[0]
+        where = ".".join(str(part) for part in fault["loc"])
+        end(Exit.CONFIGURATION, f"{where} {fault['input']!r}: {fault['msg']}")
+    show(reply)
 
 
 def _plain(name: str, words: str) -> Callable[..., None]:
@@ -76,36 +95,64 @@ def _plain(name: str, words: str) -> Callable[..., None]:
         vehicle: Vehicle = "drone-1", router: Router = DEFAULT_ROUTER, as_json: AsJson = False
     ) -> None:
         with _connect(vehicle, router) as client:
-            _answered(getattr(client, name), as_json)
+            _answered(getattr(client, name), lambda reply: _show(reply, as_json))
 
     command.__doc__ = words
     return command
 
 
+def status(
+    vehicle: Vehicle = "drone-1", router: Router = DEFAULT_ROUTER, as_json: AsJson = False
+) -> None:
+    """Show how the mission stands."""
+
+    def show(reply: Reply) -> None:
+        if as_json or not reply.ok or reply.state is None:
+            _show(reply, as_json)
+            return
+        from rich.console import Console
+
+        from mission.cli.progress import status_table
+
+        Console().print(status_table(reply.state))
+
+    with _connect(vehicle, router) as client:
+        _answered(client.status, show)
+
+
 def watch(vehicle: Vehicle = "drone-1", router: Router = DEFAULT_ROUTER) -> None:
     """Show the mission live until it ends."""
+    from rich.console import Console
+
+    from mission.cli.progress import LiveProgress
+    from mission.processes.simulation import TERMINAL
+
     ended: list[StateMessage] = []
+    heard = [time.monotonic()]
     with (
         _connect(vehicle, router) as client,
         LiveProgress(Console(), f"bladescout - {vehicle}") as progress,
     ):
 
         def on_state(state: StateMessage) -> None:
+            heard[0] = time.monotonic()
             progress.on_state(state)
             if state.progress.state in TERMINAL:
                 ended.append(state)
 
         client.watch(on_state, progress.on_event)
-        while not ended:
+        while not ended and time.monotonic() - heard[0] < SILENCE_S:
             time.sleep(0.1)
-    raise typer.Exit(int(EXIT_OF_STATE.get(ended[0].progress.state, Exit.FAILED)))
+    if not ended:
+        end(Exit.DEVICE, f"nothing was heard from {vehicle} for {SILENCE_S:.0f} s")
+    raise typer.Exit(int(exit_of(ended[0].progress.state)))
 
 
 def mount(app: typer.Typer) -> None:
     """Add the remote commands to the command line."""
     app.command()(start)
+    app.command()(status)
     for name, words in (
-        ("status", "Show how the mission stands."),
         ("pause", "Hold where the vehicle is."),
         ("resume", "Go on after a pause."),
         ("skip", "Leave out the rest of the pass that is flown."),

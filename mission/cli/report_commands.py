@@ -6,21 +6,21 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from mission.cli.exits import Exit, end
-from mission.records.report import NotAMission, write_report
 
 
 def report(
     folder: Annotated[Path, typer.Argument(help="A mission folder.")],
 ) -> None:
     """Render a mission's report again."""
+    from mission.records.report import NotAMission, write_report
+
     try:
         path = write_report(folder)
     except NotAMission as error:
         end(Exit.CONFIGURATION, str(error))
-    Console().print(f"report: {path}", highlight=False, soft_wrap=True)
+    typer.echo(f"report: {path}")
 
 
 def mount(app: typer.Typer) -> None:

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import asyncio
-import signal
-import tempfile
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from config.settings import Settings
-from config.sources import ConfigError, load_settings
-from drivers.bus import BusUnreachable
 from mission.cli.exits import Exit, end
-from mission.processes.runtime import SETTINGS_FILE, configure_logging
-from mission.processes.supervisor import Supervisor
+
+if TYPE_CHECKING:
+    from config.settings import Settings
 
 
 def serve(
@@ -31,6 +26,15 @@ def serve(
     ] = None,
 ) -> None:
     """Run the onboard daemon until it is told to end (SIGTERM or Ctrl-C)."""
+    import asyncio
+    import shutil
+    import tempfile
+
+    from config.settings import Settings
+    from config.sources import ConfigError, load_settings
+    from drivers.bus import BusUnreachable
+    from mission.processes.runtime import SETTINGS_FILE, configure_logging
+
     configure_logging("serve")
     if runtime is not None:
         settings = Settings.model_validate_json((runtime / SETTINGS_FILE).read_bytes())
@@ -42,18 +46,35 @@ def serve(
             end(Exit.CONFIGURATION, str(error))
         run_dir = Path(tempfile.mkdtemp(prefix="bladescout-serve-"))
     try:
-        asyncio.run(_serve(settings, run_dir))
+        asyncio.run(_serve(settings, run_dir, leave_with_parent=runtime is not None))
     except BusUnreachable as error:
         end(
             Exit.DEVICE,
             f"the bus cannot be opened at {settings.bus.listen}: is another daemon running? "
             f"Choose another with bus.listen. ({error})",
         )
+    finally:
+        if runtime is None:
+            shutil.rmtree(run_dir, ignore_errors=True)
 
 
-async def _serve(settings: Settings, run_dir: Path) -> None:
+async def _serve(settings: Settings, run_dir: Path, *, leave_with_parent: bool) -> None:
+    import asyncio
+    import signal
+
+    from mission.processes.children import parent_gone
+    from mission.processes.supervisor import Supervisor
+
     told = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, told.set)
-    await Supervisor(settings, run_dir).run(told)
+    # A simulation that is killed leaves no daemon behind: its end of our input closes.
+    parent = asyncio.create_task(parent_gone()) if leave_with_parent else None
+    if parent is not None:
+        parent.add_done_callback(lambda _: told.set())
+    try:
+        await Supervisor(settings, run_dir).run(told)
+    finally:
+        if parent is not None:
+            parent.cancel()

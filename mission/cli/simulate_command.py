@@ -5,20 +5,16 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
-from config.settings import Settings
-from config.sources import ConfigError, load_settings, scenario_path
-from drivers.bus import BusUnreachable
-from mission.cli.exits import EXIT_OF_STATE, Exit, end
-from mission.cli.progress import LiveProgress
-from mission.cli.summary import print_summary
-from mission.processes.simulation import Outcome, SimulationFailed, simulate
-from mission.records.summary import add_truth
-from mission.remote.client import NoReply
+from mission.cli.exits import Exit, end, exit_of
+
+if TYPE_CHECKING:
+    from config.settings import Settings
+
+_URLS = ("udpin://", "udpout://")
 
 
 def simulate_command(
@@ -41,6 +37,15 @@ def simulate_command(
     ] = None,
 ) -> None:
     """Fly a whole inspection here: synthetic world, production path; exit 0 when it completed."""
+    from rich.console import Console
+
+    from drivers.bus import BusUnreachable
+    from mission.cli.progress import LiveProgress
+    from mission.cli.summary import print_summary
+    from mission.processes.simulation import SimulationFailed, simulate
+    from mission.records.summary import add_truth
+    from mission.remote.client import NoReply
+
     overrides = list(set_ or [])
     for key, value in (
         ("simulation.seed", seed),
@@ -64,10 +69,12 @@ def simulate_command(
         sys.stdout.write(json.dumps(mission) + "\n")
     else:
         print_summary(console, mission, outcome.mission_dir)
-    raise typer.Exit(int(_exit_code(outcome)))
+    raise typer.Exit(int(exit_of(outcome.state)))
 
 
 def _load(scenario: str, overrides: list[str]) -> Settings:
+    from config.sources import ConfigError, load_settings, scenario_path
+
     try:
         path = Path(scenario) if scenario.endswith(".toml") else scenario_path(scenario)
         settings = load_settings([path], overrides=overrides)
@@ -75,8 +82,10 @@ def _load(scenario: str, overrides: list[str]) -> Settings:
         end(Exit.CONFIGURATION, str(error))
     if not settings.sites:
         end(Exit.CONFIGURATION, f"{path}: sites: no turbine is listed; add a [[sites]] table")
+    url = settings.simulation.autopilot_url
+    if url and not url.startswith(_URLS):
+        end(
+            Exit.CONFIGURATION,
+            f"simulation.autopilot_url = {url!r}: must be udpin://HOST:PORT or udpout://HOST:PORT",
+        )
     return settings
-
-
-def _exit_code(outcome: Outcome) -> Exit:
-    return EXIT_OF_STATE.get(outcome.state, Exit.FAILED)
