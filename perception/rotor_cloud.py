@@ -1,4 +1,4 @@
-"""The points that a rotor fit may use: finite, thinned, and near the prior hub where there is one."""
+"""Points that a rotor fit may use: finite, thinned, near the prior hub where there is one."""
 
 from __future__ import annotations
 

@@ -19,6 +19,7 @@ KNOWN_SHAPE = ((0.02, 0.01), (0.015, 0.01), (0.02, 0.03), (math.radians(0.4), ma
 
 
 def sections_of(turbine: Turbine | None, radius_m: float | None) -> tuple[SectionTable, bool]:
+    """Return the sections to fit, and whether they are the type's own."""
     if turbine is not None and turbine.shape == "published":
         return published_sections(turbine), True
     if radius_m is None:
@@ -27,6 +28,7 @@ def sections_of(turbine: Turbine | None, radius_m: float | None) -> tuple[Sectio
 
 
 def station_columns(table: SectionTable) -> Float:
+    """Return (S, 5) chord, twist, pitch axis, prebend and shape of the sag."""
     s = np.linspace(0.0, 1.0, len(table.chord_m))
     bend = s**2 * (6 - 4 * s + s**2) / 3  # a cantilever under an even load, 1 at the tip
     return np.stack(

@@ -56,6 +56,7 @@ class RotorSolver:
         self._data = data
 
     def cost(self, params: Float, reject: float = REJECT, every: int = 1) -> float:
+        """Return the robust cost with priors, of every ``every``-th row."""
         rows = (
             tuple(np.ascontiguousarray(c[::every]) for c in self._rows) if every > 1 else self._rows
         )
@@ -126,6 +127,7 @@ class RotorSolver:
         return params
 
     def last(self, params: Float) -> tuple[Float, float, Float]:
+        """Return the system (P, P), the cost and the residuals (M,) at ``params``."""
         cost = self.cost(params)
         return (
             self._jtj + self._info + np.eye(kernel.PARAMETERS) * 1e-9,
