@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from mission.flight.passes import Leg, SidePass
-from mission.flight.report import PassReport, Spread, covered_m
+from mission.flight.report import PassReport, Spread, covered_stretches
 
 
 class PhotoStatus(Enum):
@@ -61,16 +61,21 @@ class SideBook:
             rejected=sum(p.status is PhotoStatus.REJECTED for p in self.photos),
             unseen=side.unseen,
             skipped=self.skipped,
+            stretches=self.stretches(),
         )
 
     def photographed_m(self) -> float:
         """Return the metres of blade that taken photos show."""
-        stretches = [
+        return sum(high - low for low, high in self.stretches())
+
+    def stretches(self) -> tuple[tuple[float, float], ...]:
+        """Return the stretches (from, to) of the blade that taken photos show, metres."""
+        shown = (
             (p.metre - p.leg.footprint_m / 2, p.metre + p.leg.footprint_m / 2)
             for p in self.photos
             if p.status is PhotoStatus.TAKEN
-        ]
-        return covered_m(stretches, self.planned.length_m, self.planned.unseen)
+        )
+        return covered_stretches(shown, self.planned.length_m, self.planned.unseen)
 
 
 class Ledger:

@@ -39,6 +39,8 @@ class PassReport:
     rejected: int
     unseen: tuple[Unseen, ...]
     skipped: bool = False
+    stretches: tuple[tuple[float, float], ...] = ()
+    """Where those metres lie: (from, to), rising and apart; together `photographed_m`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,15 +86,22 @@ class Spread:
         return math.sqrt(self.squared_error / self.count) if self.count else None
 
 
-def covered_m(
+def covered_stretches(
     stretches: Iterable[tuple[float, float]], length_m: float, unseen: Sequence[Unseen] = ()
-) -> float:
-    """Return the length of the union of stretches within the blade, less what is unseen."""
-    total, reached = 0.0, 0.0
+) -> tuple[tuple[float, float], ...]:
+    """Return the union of stretches (from, to) within the blade, less what is unseen, rising."""
+    union: list[tuple[float, float]] = []
     for begin, end in sorted(stretches):
-        low, high = max(begin, reached, 0.0), min(end, length_m)
-        if high > low:
-            total += high - low
-            total -= sum(max(0.0, min(high, u.to_m) - max(low, u.from_m)) for u in unseen)
-            reached = high
-    return max(0.0, total)
+        low, high = max(begin, 0.0), min(end, length_m)
+        if union and low <= union[-1][1]:
+            union[-1] = (union[-1][0], max(union[-1][1], high))
+        elif high > low:
+            union.append((low, high))
+    for gap in unseen:
+        parts = [
+            part
+            for low, high in union
+            for part in ((low, min(high, gap.from_m)), (max(low, gap.to_m), high))
+        ]
+        union = [(low, high) for low, high in parts if high > low]
+    return tuple(union)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import statistics
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
@@ -71,12 +72,27 @@ def add_truth(folder: Path, truth: Mapping[str, object]) -> Json:
 
 
 def _errors(mission: Json, truth: Mapping[str, object]) -> Json:
+    """Measured less true: the stop angle, the hub, the shaft's direction, each blade's pitch."""
     errors: Json = {}
     rotor = mission.get("rotor")
+    if not isinstance(rotor, dict):
+        return errors
     angle = truth.get("stop_angle_deg")
-    if isinstance(rotor, dict) and isinstance(angle, int | float):
-        measured = rotor["stop_angle_deg"]
-        errors["stop_angle_deg"] = stop_angle_difference_deg(measured, float(angle))
+    if isinstance(angle, int | float):
+        errors["stop_angle_deg"] = stop_angle_difference_deg(rotor["stop_angle_deg"], float(angle))
+    hub, normal = truth.get("hub_m"), truth.get("normal")
+    if isinstance(hub, list):
+        errors["hub_m"] = math.dist(rotor["hub_m"], hub)
+    if isinstance(normal, list):
+        chord = math.dist(rotor["normal"], normal)
+        errors["normal_deg"] = math.degrees(2 * math.asin(min(1.0, chord / 2)))
+    pitch = truth.get("pitch_deg")
+    if isinstance(pitch, Mapping):
+        errors["pitch_deg"] = {
+            blade["name"]: blade["pitch_deg"] - pitch[blade["name"]]
+            for blade in rotor["blades"]
+            if blade["pitch_deg"] is not None and blade["name"] in pitch
+        }
     return errors
 
 
@@ -124,6 +140,10 @@ def _mission(
                 "kept": one.kept,
                 "reason": one.reason,
                 "mean_grey": one.mean_grey,
+                "in_range": one.exposure_in_range,
+                "ev": one.ev,
+                "distance_m": one.distance_m,
+                "gsd_mm": one.gsd_full_mm,
             }
             for one in records
         ],
@@ -189,7 +209,7 @@ def _pass(one: PassReport, records: Sequence[PhotoRecord]) -> Json:
         "planned_m": one.planned_m,
         "coverage": min(1.0, one.photographed_m / one.length_m) if one.length_m > 0 else 0.0,
         "coverage_reachable": min(1.0, one.photographed_m / reachable) if reachable > 0 else 0.0,
-        "photographed_m": [],
+        "photographed_m": [list(stretch) for stretch in one.stretches],
         "distance_m": {
             "mean": one.distance_mean_m,
             "rms_error": one.distance_rms_error_m,
