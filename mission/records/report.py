@@ -3,66 +3,84 @@
 from __future__ import annotations
 
 import base64
-import json
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 
 import cv2
+import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+from numpy.typing import NDArray
+from pydantic import ValidationError
 
-from mission.records.files import EVENTS, MISSION, REPORT, write_whole
+from mission.records.files import EVENTS, REPORT, write_whole
+from mission.records.mission_file import MissionFile, NotAMission, PhotoPart, read_mission
+from mission.records.report_views import (
+    clock,
+    course,
+    exposure_curves,
+    grey_height,
+    happenings,
+    labelled,
+    rotor_picture,
+    strips,
+)
+from mission.remote.messages import EventMessage
 
-THUMBNAIL_PX = 220
-THUMBNAIL_QUALITY = 62
-_TOP_EVENTS = 200
+__all__ = ["NotAMission", "write_report"]
 
-
-class NotAMission(ValueError):
-    """The folder holds no mission."""
+THUMBNAIL_PX = 320
+#: A page of 300 photos stays below 15 MB.
+MAX_THUMBNAIL_BYTES = 30_000
+_QUALITIES = (72, 50, 30, 10)
+_NO_VALUE = "–"
 
 
 @dataclass(frozen=True, slots=True)
-class _Arm:
-    """One blade of the rotor picture, in SVG coordinates seen from upwind."""
+class Thumbnail:
+    """One photo of the contact sheet."""
 
-    name: str
-    x: float
-    y: float
-    label_x: float
-    label_y: float
-
-
-@dataclass(frozen=True, slots=True)
-class _Thumbnail:
-    href: str
+    photo: PhotoPart
     data: str
-    caption: str
-    kept: bool
-    title: str
+    """JPEG, base64."""
 
 
 @dataclass(frozen=True, slots=True)
-class _Strip:
-    """One pass on the blade map: photographed metres as spans in percent of its length."""
+class Sheet:
+    """The photos of one side, root first; rejected ones by themselves."""
 
     blade: str
     side: str
-    spans: tuple[tuple[float, float], ...]
-    unseen: tuple[tuple[float, float, str], ...]
-    coverage: float
-    photos: int
+    kept: tuple[Thumbnail, ...]
+    rejected: tuple[Thumbnail, ...]
 
 
 def write_report(folder: Path) -> Path:
     """Render `report.html` of a mission folder and return its path. Raises `NotAMission`."""
-    path = folder / MISSION
-    try:
-        mission = json.loads(path.read_text())
-    except FileNotFoundError as error:
-        raise NotAMission(f"{folder} holds no {MISSION}") from error
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise NotAMission(f"{path} is not JSON: {error}") from error
+    mission = read_mission(folder)
+    events = _events(folder / EVENTS)
+    page = (
+        _environment()
+        .get_template("report.html.j2")
+        .render(
+            mission=mission,
+            begin_s=mission.begin_s,
+            rotor_picture=rotor_picture(mission),
+            strips=strips(mission),
+            curves=exposure_curves(mission),
+            course=course(mission, events),
+            happenings=happenings(events),
+            events=events,
+            sheets=_sheets(folder, mission),
+        )
+    )
+    report = folder / REPORT
+    write_whole(report, page.encode())
+    return report
+
+
+def _environment() -> Environment:
     environment = Environment(
         loader=PackageLoader("mission.records"),
         autoescape=select_autoescape(default=True),
@@ -70,107 +88,71 @@ def write_report(folder: Path) -> Path:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    page = environment.get_template("report.html.j2").render(
-        mission=mission,
-        arms=_arms(mission),
-        strips=_strips(mission),
-        thumbnails=_thumbnails(folder, mission),
-        events=_events(folder),
-        exposure=_exposure_curves(mission),
-    )
-    report = folder / REPORT
-    write_whole(report, page.encode())
-    return report
+    environment.filters["num"] = _number
+    environment.filters["clock"] = clock
+    environment.filters["grey_height"] = grey_height
+    environment.filters["labelled"] = labelled
+    return environment
 
 
-def _arms(mission: dict[str, object]) -> list[_Arm]:
-    rotor = mission.get("rotor")
-    if not isinstance(rotor, dict):
-        return []
-    arms = []
-    for blade in rotor["blades"]:
-        angle = math.radians(blade["angle_deg"])
-        # From straight down, counter-clockwise seen from the front: towards the viewer's right.
-        x, y = math.sin(angle), math.cos(angle)
-        arms.append(_Arm(blade["name"], 100 * x, 100 * y, 116 * x, 116 * y + 4))
-    return arms
+def _number(value: float | None, digits: int = 1, unit: str = "", *, sign: bool = False) -> str:
+    """Return a figure as printed; a dash where there is none."""
+    if value is None:
+        return _NO_VALUE
+    # A figure that rounds to nothing has no sign.
+    text = f"{round(value, digits) + 0.0:{'+' if sign else ''}.{digits}f}"
+    return f"{text}{unit}".replace("-", "\N{MINUS SIGN}", 1)
 
 
-def _strips(mission: dict[str, object]) -> list[_Strip]:
-    passes = mission.get("passes")
-    strips = []
-    for one in passes if isinstance(passes, list) else []:
-        length = max(one["length_m"], 1e-6)
-        spans = tuple(
-            (100 * start / length, 100 * (stop - start) / length)
-            for start, stop in one["photographed_m"]
-        )
-        unseen = tuple(
-            (
-                100 * gap["from_m"] / length,
-                100 * (gap["to_m"] - gap["from_m"]) / length,
-                gap["reason"],
-            )
-            for gap in one["unseen"]
-        )
-        strips.append(
-            _Strip(one["blade"], one["side"], spans, unseen, one["coverage"], one["photos"])
-        )
-    return strips
-
-
-def _thumbnails(folder: Path, mission: dict[str, object]) -> list[_Thumbnail]:
-    photos = mission.get("photo_list")
-    thumbnails = []
-    for photo in photos if isinstance(photos, list) else []:
-        picture = cv2.imread(str(folder / photo["file"]), cv2.IMREAD_COLOR)
-        if picture is None:
-            continue
-        scale = THUMBNAIL_PX / picture.shape[1]
-        small = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-        _, jpeg = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, THUMBNAIL_QUALITY])
-        grey = photo["mean_grey"]
-        thumbnails.append(
-            _Thumbnail(
-                href=photo["file"],
-                data=base64.b64encode(jpeg.tobytes()).decode(),
-                caption=f"{photo['blade']} {photo['side']} {photo['metre']:.1f} m",
-                kept=photo["kept"],
-                title=photo["reason"] or (f"mean grey {grey:.0f}" if grey is not None else ""),
-            )
-        )
-    return thumbnails
-
-
-def _events(folder: Path) -> list[dict[str, object]]:
-    path = folder / EVENTS
+def _events(path: Path) -> list[EventMessage]:
+    """Read what can be read of the events: a line cut short is left out."""
     if not path.exists():
         return []
-    lines = path.read_text(errors="replace").splitlines()
-    events: list[dict[str, object]] = [json.loads(line) for line in lines if line.strip()]
-    return events[:_TOP_EVENTS]
+    events = []
+    for line in path.read_text(errors="replace").splitlines():
+        try:
+            events.append(EventMessage.model_validate_json(line))
+        except ValidationError:
+            continue
+    return events
 
 
-@dataclass(frozen=True, slots=True)
-class _Curve:
-    blade: str
-    side: str
-    points: str
-    """SVG polyline of mean grey (0-255, upwards) over the metre."""
+def _sheets(folder: Path, mission: MissionFile) -> list[Sheet]:
+    def place(photo: PhotoPart) -> tuple[str, str]:
+        return photo.blade, photo.side
+
+    photos = sorted(mission.photo_list, key=lambda photo: (*place(photo), photo.metre))
+    sheets = []
+    for (blade, side), group in groupby(photos, key=place):
+        mine = [thumb for photo in group if (thumb := _thumbnail(folder, photo)) is not None]
+        kept = tuple(thumb for thumb in mine if thumb.photo.kept)
+        rejected = tuple(thumb for thumb in mine if not thumb.photo.kept)
+        sheets.append(Sheet(blade, side, kept, rejected))
+    return sheets
 
 
-def _exposure_curves(mission: dict[str, object]) -> list[_Curve]:
-    photos = mission.get("photo_list")
-    groups: dict[tuple[str, str], list[tuple[float, float]]] = {}
-    for photo in photos if isinstance(photos, list) else []:
-        if photo["mean_grey"] is not None and photo["kept"]:
-            group = groups.setdefault((photo["blade"], photo["side"]), [])
-            group.append((photo["metre"], photo["mean_grey"]))
-    curves = []
-    for (blade, side), values in sorted(groups.items()):
-        length = max(max(metre for metre, _ in values), 1.0)
-        points = " ".join(
-            f"{300 * metre / length:.1f},{100 - grey / 2.55:.1f}" for metre, grey in sorted(values)
-        )
-        curves.append(_Curve(blade, side, points))
-    return curves
+def _thumbnail(folder: Path, photo: PhotoPart) -> Thumbnail | None:
+    picture = _read(folder / photo.file)
+    if picture is None:
+        return None
+    scale = min(1.0, THUMBNAIL_PX / picture.shape[1])
+    small = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    return Thumbnail(photo, base64.b64encode(_jpeg(small)).decode())
+
+
+def _read(path: Path) -> NDArray[np.uint8] | None:
+    # The decoder's own reduction is many times quicker than decoding all of a large picture.
+    for flag in (cv2.IMREAD_REDUCED_COLOR_4, cv2.IMREAD_COLOR):
+        picture = cv2.imread(str(path), flag)
+        if picture is None or picture.shape[1] >= THUMBNAIL_PX:
+            break
+    return None if picture is None else np.asarray(picture, np.uint8)
+
+
+def _jpeg(picture: NDArray[np.uint8], qualities: Sequence[int] = _QUALITIES) -> bytes:
+    data = b""
+    for quality in qualities:
+        data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
+        if len(data) <= MAX_THUMBNAIL_BYTES:
+            break
+    return data
