@@ -91,9 +91,13 @@ def on_loopback(settings: Settings) -> Settings:
         "source": "livox" if settings.simulation.sensors == "wire" else "bus",
     }
     http_port = free_port()
-    autopilot = {"payload_url": f"udpin://127.0.0.1:{free_port(udp)}"}
-    if not settings.simulation.autopilot_url:
-        autopilot["url"] = f"udpin://127.0.0.1:{free_port(udp)}"
+    # A simulated vehicle may be set up as a real one must have been by its owner.
+    # (Another simulator is relayed by the field, so this end is a port of ours in any case.)
+    autopilot: dict[str, object] = {
+        "url": f"udpin://127.0.0.1:{free_port(udp)}",
+        "payload_url": f"udpin://127.0.0.1:{free_port(udp)}",
+        "set_parameters": True,
+    }
     camera = {
         "stream_url": f"rtsp://127.0.0.1:{free_port()}/live",
         "source": "rtsp" if settings.simulation.sensors == "wire" else "bus",
