@@ -137,7 +137,7 @@ def _thumbnail(folder: Path, photo: PhotoPart) -> Thumbnail | None:
         return None
     scale = min(1.0, THUMBNAIL_PX / picture.shape[1])
     small = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    return Thumbnail(photo, base64.b64encode(_jpeg(small)).decode())
+    return Thumbnail(photo, base64.b64encode(_jpeg(np.asarray(small, np.uint8))).decode())
 
 
 def _read(path: Path) -> NDArray[np.uint8] | None:

@@ -193,7 +193,8 @@ def course(mission: MissionFile, events: Iterable[EventMessage]) -> Course:
     )
     step = 1 if length < 900 else 5
     minutes = tuple(
-        Mark(60 * minute * percent, 0.0, str(minute)) for minute in range(0, int(length / 60) + 1, step)
+        Mark(60 * minute * percent, 0.0, str(minute))
+        for minute in range(0, int(length / 60) + 1, step)
     )
     return Course(phases, marks, minutes)
 
