@@ -34,18 +34,19 @@ def _connect(vehicle: str, router: str) -> Client:
         end(Exit.CONFIGURATION, f"--vehicle {vehicle!r}: up to 32 letters, digits, '_' and '-'")
     try:
         return Client(vehicle, BusSettings(listen=router))
-    except BusUnreachable as error:
-        end(Exit.DEVICE, f"{error}. Is the daemon running (bladescout serve)?")
+    except BusUnreachable:
+        end(Exit.DEVICE, f"no daemon answers at {router}: is it running (bladescout serve)?")
 
 
 def _show(reply: Reply, as_json: bool) -> None:
+    code = Exit.DEVICE if reply.code == "no_vehicle" else Exit.REFUSED
     if as_json:
         sys.stdout.write(reply.model_dump_json() + "\n")
         if not reply.ok:
-            raise typer.Exit(int(Exit.REFUSED))
+            raise typer.Exit(int(code))
         return
     if not reply.ok:
-        end(Exit.REFUSED, f"{reply.text} ({reply.code})")
+        end(code, f"{reply.text} ({reply.code})")
     typer.echo(reply.text)
     if reply.mission_dir:
         typer.echo(f"mission folder: {reply.mission_dir}")
@@ -145,7 +146,9 @@ def watch(vehicle: Vehicle = "drone-1", router: Router = DEFAULT_ROUTER) -> None
             time.sleep(0.1)
     if not ended:
         end(Exit.DEVICE, f"nothing was heard from {vehicle} for {SILENCE_S:.0f} s")
-    raise typer.Exit(int(exit_of(ended[0].progress.state)))
+    last = ended[0].progress
+    typer.echo(f"{last.state}: {last.words}")
+    raise typer.Exit(int(exit_of(last.state)))
 
 
 def mount(app: typer.Typer) -> None:

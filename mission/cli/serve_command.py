@@ -47,11 +47,11 @@ def serve(
         run_dir = Path(tempfile.mkdtemp(prefix="bladescout-serve-"))
     try:
         asyncio.run(_serve(settings, run_dir, leave_with_parent=runtime is not None))
-    except BusUnreachable as error:
+    except BusUnreachable:
         end(
             Exit.DEVICE,
-            f"the bus cannot be opened at {settings.bus.listen}: is another daemon running? "
-            f"Choose another with bus.listen. ({error})",
+            f"the bus cannot be opened at {settings.bus.listen}: another daemon runs there, or "
+            "the address is not this machine's; choose another with --set bus.listen=...",
         )
     finally:
         if runtime is None:

@@ -5,9 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
+#: Name and unit of each column; they fit a terminal of 80 columns.
+_COLUMNS = (
+    ("blade", ""),
+    ("side", ""),
+    ("planned", "m"),
+    ("coverage", "%"),
+    ("distance", "m"),
+    ("rms", "m"),
+    ("clearance", "m"),
+    ("photos", "kept"),
+)
 _STATE_STYLE = {"completed": "bold green", "ended_safely": "bold yellow"}
 
 
@@ -25,7 +38,8 @@ def _number(value: object, form: str, unit: str = "") -> str:
 
 def print_summary(console: Console, mission: Mapping[str, object], folder: Path) -> None:
     """Print state, figures, passes and where the report lies."""
-    console.print(_passes(mission))
+    if mission.get("passes"):
+        console.print(_passes(mission))
     table = Table.grid(padding=(0, 2))
     table.add_column(style="dim")
     table.add_column()
@@ -33,6 +47,9 @@ def print_summary(console: Console, mission: Mapping[str, object], folder: Path)
     table.add_row("state", f"[{_STATE_STYLE.get(state, 'bold red')}]{state}[/]")
     duration = _at(mission, "duration_s")
     minutes = duration / 60 if isinstance(duration, int | float) else None
+    words = _at(mission, "words")
+    if words and state != "completed":
+        table.add_row("", escape(str(words)))
     table.add_row("duration", _number(minutes, ".1f", " simulated minutes"))
     angle = _number(_at(mission, "rotor", "stop_angle_deg"), ".2f", " deg")
     sigma = _number(_at(mission, "rotor", "sigma_deg"), ".2f")
@@ -51,33 +68,26 @@ def print_summary(console: Console, mission: Mapping[str, object], folder: Path)
     table.add_row(
         "timing", f"setpoint gap p99 {_number(gap, '.0f', ' ms')}, real-time factor {factor}"
     )
-    table.add_row("report", str(folder / "report.html"))
+    table.add_row("report", escape(str(folder / "report.html")))
     console.print(table, soft_wrap=True)
 
 
 def _passes(mission: Mapping[str, object]) -> Table:
-    table = Table(title="Passes", title_justify="left")
-    for name in (
-        "blade",
-        "side",
-        "planned m",
-        "coverage",
-        "distance m",
-        "rms",
-        "clearance m",
-        "photos",
-    ):
-        table.add_column(name, justify="left" if name in ("blade", "side") else "right")
+    table = Table(
+        title="Passes", title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False
+    )
+    for name, unit in _COLUMNS:
+        table.add_column(f"{name}\n{unit}", justify="right" if unit else "left", no_wrap=True)
     passes = mission.get("passes")
     for one in passes if isinstance(passes, list) else []:
         table.add_row(
-            str(one["blade"]),
-            str(one["side"]),
-            _number(one["planned_m"], ".1f"),
-            _number(one["coverage"], ".0%"),
+            str(_at(one, "blade")),
+            str(_at(one, "side")),
+            _number(_at(one, "planned_m"), ".1f"),
+            _number(_at(one, "coverage"), ".0%"),
             _number(_at(one, "distance_m", "mean"), ".2f"),
             _number(_at(one, "distance_m", "rms_error"), ".2f"),
             _number(_at(one, "clearance_m", "min"), ".1f"),
-            str(one["photos"]),
+            _number(_at(one, "photos"), "d"),
         )
     return table

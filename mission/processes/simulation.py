@@ -30,6 +30,7 @@ from mission.remote.messages import EventMessage, RecordedMessage, StateMessage
 READY_TIMEOUT_S = 90.0
 START_TIMEOUT_S = 30.0
 RECORD_TIMEOUT_S = 60.0
+_COMES_YET = ("not_ready", "no_vehicle")
 TERMINAL = frozenset(
     {
         MissionState.COMPLETED,
@@ -162,8 +163,11 @@ class Field:
     def _expect(self, word: str) -> None:
         assert self._process.stdout is not None  # noqa: S101 - opened as a pipe
         for line in self._process.stdout:
-            if json.loads(line).get(word):
+            said = json.loads(line)
+            if said.get(word):
                 return
+            if "error" in said:
+                raise SimulationFailed(f"the simulated field cannot go on: {said['error']}")
         last = (self._run_dir / "field.log").read_text(errors="replace").strip().splitlines()
         reason = last[-1] if last else "without a word"
         raise SimulationFailed(f"the field process ended before it was {word}: {reason}")
@@ -180,7 +184,8 @@ class Daemon:
         with (run_dir / "serve.log").open("wb") as log_file:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", "mission.cli.main", "serve", "--runtime", str(run_dir)],
-                stdin=subprocess.DEVNULL,
+                # Held open by us alone: the daemon leaves when we are gone, however we went.
+                stdin=subprocess.PIPE,
                 stderr=log_file,
                 stdout=log_file,
             )
@@ -212,6 +217,8 @@ class Daemon:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+        if self._process.stdin is not None:
+            self._process.stdin.close()
 
 
 @dataclass(frozen=True, slots=True)
@@ -310,7 +317,7 @@ def _start(daemon: Daemon, client: Client, site: Site) -> Path:
             if reply.ok:
                 return Path(reply.mission_dir)
             text = reply.text
-            if reply.code != "not_ready":
+            if reply.code not in _COMES_YET:
                 break
         time.sleep(0.2)
     raise SimulationFailed(f"the daemon did not take the mission: {text}")

@@ -75,8 +75,9 @@ class Supervisor:
             stop = asyncio.create_task(until.wait())
             await asyncio.wait([stop, *watchers], return_when=asyncio.FIRST_COMPLETED)
             # Flight leaves first, so that its last word (hold) goes out at once.
-            for child in reversed(children):
-                await child.end()
+            *others, flight = children
+            await flight.end()
+            await asyncio.gather(*(child.end() for child in others))
             await asyncio.gather(*watchers)
 
     def _serve_requests(self, bus: Bus) -> None:
@@ -118,6 +119,8 @@ class Supervisor:
             return _refuse("not_ready", "flight is not ready yet: try again in a second")
         if self._pending is not None or self._state.progress.state in _BUSY:
             return _refuse("busy", "a mission is running: abort it or wait for its end")
+        if not self._state.link_ok:
+            return _refuse("no_vehicle", self._state.progress.words)
         folder = str(self._new_folder(request.site))
         inspection = self._settings.inspection
         intent = Intent(

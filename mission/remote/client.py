@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import socket
 import uuid
 from collections.abc import Callable
 from types import TracebackType
 from typing import Self
 
 from config.links import Bus as BusSettings
-from drivers.bus import Bus, Key, Sample
+from drivers.bus import Bus, BusUnreachable, Key, Sample
 from mission.flight.observation import RequestKind
 from mission.remote.messages import (
     EventMessage,
@@ -18,6 +19,8 @@ from mission.remote.messages import (
     StartRequest,
     StateMessage,
 )
+
+_PROBE_S = 3.0
 
 
 class NoReply(ConnectionError):
@@ -32,7 +35,9 @@ class Client:
 
     def __init__(self, vehicle: str = "drone-1", bus: BusSettings | None = None) -> None:
         """Connect. Raises `drivers.bus.BusUnreachable` when nobody listens there."""
-        self._bus = Bus.open_client(bus or BusSettings(), vehicle)
+        settings = bus or BusSettings()
+        _probe(settings.endpoint)
+        self._bus = Bus.open_client(settings, vehicle)
 
     def __enter__(self) -> Self:
         return self
@@ -127,3 +132,15 @@ class Client:
         if raw is None:
             raise NoReply("no reply: not running, or not authorised")
         return Reply.model_validate_json(raw)
+
+
+def _probe(endpoint: str) -> None:
+    """Knock at a TCP end point: where nobody listens, Zenoh would try for seconds."""
+    protocol, _, address = endpoint.partition("/")
+    host, _, port = address.rpartition(":")
+    if protocol != "tcp" or not port.isdecimal():
+        return
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), timeout=_PROBE_S).close()
+    except (OSError, OverflowError) as error:
+        raise BusUnreachable(f"nobody listens at {endpoint} ({error})") from error
