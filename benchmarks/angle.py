@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks.angle_scenes import AngleScene, SceneOptions, make_scene
 from perception.geometry import stop_angle_difference_deg
-from perception.rotor import Refusal, Rotor, blade_angles_deg
+from perception.rotor import Refusal, Rotor
 from perception.rotor_fit import fit_rotor
 from perception.values import Float
 
@@ -66,10 +66,9 @@ def _judged(seed: int, pitch: float, scene: AngleScene, rotor: Rotor, took: floa
     across = float(np.linalg.norm(off - along * scene.normal_w))
     turned = float(np.degrees(np.arccos(np.clip(rotor.normal_w @ scene.normal_w, -1, 1))))
     errors: list[float | None] = []
-    truth = dict(zip(_angles(scene), scene.pitch_deg, strict=True))
-    for blade, angle in zip(rotor.blades, blade_angles_deg(rotor.stop_angle_deg), strict=True):
-        nearest = min(truth, key=lambda t: abs((t - angle + 180) % 360 - 180))
-        errors.append(None if blade.pitch_deg is None else blade.pitch_deg - truth[nearest])
+    for blade in rotor.blades:
+        k = int(np.argmax(scene.directions_w @ blade.direction_w))
+        errors.append(None if blade.pitch_deg is None else blade.pitch_deg - scene.pitch_deg[k])
     return Trial(
         seed,
         pitch,
@@ -84,10 +83,6 @@ def _judged(seed: int, pitch: float, scene: AngleScene, rotor: Rotor, took: floa
         rotor.reference,
         took,
     )
-
-
-def _angles(scene: AngleScene) -> list[float]:
-    return [scene.stop_angle_deg + 120 * k for k in range(3)]
 
 
 def summary(trials: list[Trial]) -> dict[str, float]:
@@ -135,8 +130,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1000, help="first seed")
     parser.add_argument("--known", action="store_true", help="blade shape known")
     parser.add_argument("--no-prior", action="store_true")
-    parser.add_argument("--prior-error", type=float, default=5.0)
-    parser.add_argument("--stand-off", type=float, nargs=2, default=(20.0, 20.0))
+    parser.add_argument("--prior-error", type=float, default=3.0)
+    parser.add_argument("--stand-off", type=float, nargs=2, default=(20.0, 30.0))
     parser.add_argument("--pitch", type=float, nargs=2, default=None)
     parser.add_argument("--seconds", type=float, default=1.0)
     parser.add_argument("--fog", type=float, default=0.0)

@@ -7,7 +7,7 @@ World ENU, metres. Truth is expressed in the frame of the returned points.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -35,8 +35,8 @@ def _tensor(values: Array) -> Any:
 class SceneOptions:
     """What is drawn; each field can be fixed for a stratum or an ablation."""
 
-    stand_off_m: tuple[float, float] = (20.0, 20.0)
-    prior_error_m: tuple[float, float] = (0.0, 5.0)
+    stand_off_m: tuple[float, float] = (20.0, 30.0)
+    prior_error_m: tuple[float, float] = (0.0, 3.0)
     pitch_deg: tuple[float, float] | None = None
     """None: the field mix (40 % at 0-5, 45 % at 82-90, 15 % between)."""
     seconds: float = 1.0
@@ -46,10 +46,20 @@ class SceneOptions:
     lean: bool = True
     attitude_deg: float = 0.5
     extrinsic_deg: float = 0.3
-    position_sigma_m: float = 0.1
+    pose_noise_m: float = 0.03
+    """Short noise of the told position (time constant 0.3 s); a walk of 0.2 m (60 s) beside it."""
     range_bias_m: float = 0.02
+    spacing_deg: float = 0.2
+    """Blade bearings stand this far from even, at most."""
+    sway_m: float = 0.12
+    """Amplitude of the tower top, at most."""
+    prebend: bool = True
+    mixed: bool = True
+    """Whether pulses split by an edge return between the two surfaces."""
     feather_one: float = 0.05
     """Share of scenes with one blade 90 deg from the others."""
+    models: tuple[str, ...] | None = None
+    """Blade families to draw from (`blade_family.published_models`, `DRAWN`); None: all."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,11 +76,14 @@ class AngleScene:
     """As its owner knows it."""
     radius_m: float
     stop_angle_deg: float
+    """Of the first blade's own axis, its bearing's place included (design, Definitions)."""
     hub_w: Float
     normal_w: Float
     tower_down_w: Float
     pitch_deg: tuple[float, float, float]
     """At stop angle + 0, 120, 240 deg."""
+    directions_w: Float
+    """(3, 3) true axis of each blade, a row each: bearing and cone included."""
     plan: Planform = field(repr=False)
 
 
@@ -82,6 +95,7 @@ class _World:
     tower_down: Float
     stop_angle_deg: float
     pitch: tuple[float, float, float]
+    directions: Float
     plan: Planform
     turbine: Turbine
 
@@ -135,37 +149,44 @@ def _cylinder(a: Float, b: Float, r0: float, r1: float, n: int = 48) -> tuple[Fl
 
 
 def _build_world(rng: np.random.Generator, opt: SceneOptions) -> _World:
-    plan = draw_planform(rng)
+    plan = draw_planform(rng, opt.models)
     length = plan.length_m
     tilt, cone = rng.uniform(0.0, 8.0), rng.uniform(-1.0, 5.0)
     yaw = rng.uniform(-np.pi, np.pi)
     level = np.array([math.cos(yaw), math.sin(yaw), 0.0])
     tilt_rad = math.radians(tilt)
     normal = math.cos(tilt_rad) * level - math.sin(tilt_rad) * np.array([0, 0, 1.0])
-    lean = np.deg2rad(rng.normal(0, 0.25, 2)) * (1.0 if opt.lean else 0.0)
+    lean = np.deg2rad(np.clip(rng.normal(0, 0.25, 2), -0.5, 0.5)) * (1.0 if opt.lean else 0.0)
     tower_up = np.array([lean[0], lean[1], 1.0])
     tower_up /= np.linalg.norm(tower_up)
-    top_radius = rng.uniform(0.018, 0.026) * length + 0.3
-    overhang = rng.uniform(0.06, 0.085) * length + top_radius
+    # Steel towers of 1.5-5 MW machines: 2.0-3.9 m across at the top.
+    top_radius = rng.uniform(1.0, 1.3) + 0.65 * (length - 25.0) / 40.0 * rng.uniform(0.2, 1.0)
+    overhang = max(rng.uniform(3.0, 4.2) * math.sqrt(length / 45.0), top_radius + 1.6)
     height = 1.25 * length + rng.uniform(10, 35)
     tower_top = tower_up * (height - 2.0)
     hub = tower_top + np.array([0, 0, 2.0]) - overhang * normal
-    angle = rng.uniform(0, 120)
-    pitch = _draw_pitch(rng, opt)
-    sense = 1.0
+    first, pitch = rng.uniform(0, 120), _draw_pitch(rng, opt)
     if not opt.droop:
-        plan = _without_droop(plan)
-    parts = [_cylinder(tower_up * 0.0, tower_top, top_radius * rng.uniform(1.4, 1.9), top_radius)]
+        plan = replace(plan, sag_flap=0.0, sag_edge=0.0)
+    if not opt.prebend:
+        plan = replace(plan, prebend_m=np.zeros_like(plan.prebend_m))
+    base_radius = top_radius * rng.uniform(1.25, 1.9)
+    parts = [_cylinder(tower_up * 0.0, tower_top, base_radius, top_radius)]
     parts += _nacelle(hub, normal, plan, overhang)
+    spaced = [first + 120 * k + rng.uniform(-1, 1) * opt.spacing_deg for k in range(3)]
+    # A bearing's own error may carry the first blade over the cut.
+    shift = next(k for k in range(3) if 0 <= spaced[k] % 360 < 120)
+    angles = [spaced[(shift + k) % 3] % 360 for k in range(3)]
+    directions = []
     for k in range(3):
-        a = math.radians(angle + 120 * k + rng.uniform(-0.2, 0.2))
+        a = math.radians(angles[k])
         z = direction_at(a, normal, -tower_up, math.radians(cone))
-        x = np.cross(normal, z)
         x = direction_at(a + math.pi / 2, normal, -tower_up)
         y = np.cross(z, x)
         y = y if y @ normal > 0 else -y
-        vertices, faces = blade_mesh(plan, pitch[k], (float(-x[2]), float(-y[2])), sense)
+        vertices, faces = blade_mesh(plan, pitch[k], (float(-x[2]), float(-y[2])), 1.0)
         parts.append((hub + vertices @ np.stack([x, y, z]), faces))
+        directions.append(z)
     half = 400.0
     ground = np.array([[-half, -half, 0], [half, -half, 0], [half, half, 0], [-half, half, 0.0]])
     parts.append((ground, np.array([[0, 1, 2], [0, 2, 3]])))
@@ -173,24 +194,8 @@ def _build_world(rng: np.random.Generator, opt: SceneOptions) -> _World:
     for vertices, faces in parts:
         scene.add_triangles(_tensor(vertices.astype(np.float32)), _tensor(faces.astype(np.uint32)))
     turbine = known_turbine(plan, tilt, cone, overhang, rng)
-    return _World(scene, hub, normal, -tower_up, angle, pitch, plan, turbine)
-
-
-def _without_droop(plan: Planform) -> Planform:
-    return Planform(
-        plan.length_m,
-        plan.hub_radius_m,
-        plan.span,
-        plan.chord_m,
-        plan.twist_deg,
-        plan.thickness,
-        plan.prebend_m,
-        plan.pitch_axis,
-        plan.camber,
-        plan.trailing_edge,
-        plan.fullness,
-        0.0,
-        0.0,
+    return _World(
+        scene, hub, normal, -tower_up, angles[0], pitch, np.stack(directions), plan, turbine
     )
 
 
@@ -230,27 +235,29 @@ def _look(world: _World, rng: np.random.Generator, opt: SceneOptions) -> AngleSc
     prior_normal = np.array([math.cos(prior_yaw), math.sin(prior_yaw), 0.0])
     stand_off = rng.uniform(*opt.stand_off_m)
     view = prior_hub - prior_normal * stand_off
-    while _distance(world, view) < 9.0:
+    while _distance(world, view) < 8.5:
         view = view - prior_normal * 0.5
-    pos_err = rng.normal(0, opt.position_sigma_m, 3)
     err = rotation_from_euler(*np.deg2rad(rng.normal(0, opt.attitude_deg, 3)))
     extrinsic = rotation_from_euler(*np.deg2rad(rng.normal(0, opt.extrinsic_deg, 3)))
     sensor_body = lidar_in_body(23.0)
     frames = max(1, round(opt.seconds * 10))
     wander = np.cumsum(rng.normal(0, 0.03, (frames, 3)), axis=0)
-    jitter = pos_err + np.cumsum(rng.normal(0, 0.01, (frames, 3)), axis=0)
+    jitter = _markov(rng, frames, 0.2, 60.0) + _markov(rng, frames, opt.pose_noise_m, 0.3)
+    sway = _sway(rng, frames, opt.sway_m)
     points, origins = [], []
     for f in range(frames):
         tilt = np.deg2rad(rng.normal(0, 1.0, 2))
         true_body = rotation_from_euler(tilt[0], tilt[1], prior_yaw)
-        p_true, p_told = view + wander[f], view + wander[f] + jitter[f]
+        # The tower's top moves; it is the same to move the sensor the other way.
+        p_true, p_told = view + wander[f] - sway[f], view + wander[f] + jitter[f]
         rays = _rays(rng, RATE_HZ // 10, opt.window_deg)
         d_l = rays + rng.normal(0, math.radians(0.05), rays.shape)
         ranges, keep = _cast(world, p_true, d_l @ (true_body @ sensor_body @ extrinsic).T, rng, opt)
         told = err @ true_body @ sensor_body
         points.append(p_told + (rays[keep] * ranges[:, None]) @ told.T)
         origins.append(np.broadcast_to(p_told, (len(ranges), 3)))
-    mean_true, mean_told = view + wander.mean(0), view + wander.mean(0) + jitter.mean(0)
+    mean_true = view + wander.mean(0) - sway.mean(0)
+    mean_told = view + wander.mean(0) + jitter.mean(0)
     # Truth in the told frame: the extrinsic error turns the cloud about the vehicle as well.
     middle = rotation_from_euler(0.0, 0.0, prior_yaw) @ sensor_body
     turn = err @ middle @ extrinsic.T @ middle.T
@@ -268,8 +275,26 @@ def _look(world: _World, rng: np.random.Generator, opt: SceneOptions) -> AngleSc
         turn @ world.normal,
         turn @ world.tower_down,
         world.pitch,
+        world.directions @ turn.T,
         world.plan,
     )
+
+
+def _markov(rng: np.random.Generator, frames: int, sigma_m: float, time_s: float) -> Float:
+    """Return (frames, 3) of a Gauss-Markov error at 10 Hz."""
+    keep = math.exp(-0.1 / time_s)
+    values = [rng.normal(0, sigma_m, 3)]
+    for _ in range(frames - 1):
+        values.append(values[-1] * keep + math.sqrt(1 - keep**2) * rng.normal(0, sigma_m, 3))
+    return np.array(values)
+
+
+def _sway(rng: np.random.Generator, frames: int, most_m: float) -> Float:
+    """Return (frames, 3) displacements of the tower's top: its first mode, any direction."""
+    bearing, phase = rng.uniform(0, 2 * math.pi, 2)
+    time_s = 0.1 * np.arange(frames)
+    swing = rng.uniform(0, most_m) * np.sin(2 * math.pi * rng.uniform(0.15, 0.45) * time_s + phase)
+    return np.outer(swing, [math.cos(bearing), math.sin(bearing), 0.0])
 
 
 def _distance(world: _World, point: Float) -> float:
@@ -300,7 +325,8 @@ def _cast(
     hit = np.flatnonzero(rng.random(n) < chance)
     sigma = np.hypot(0.0034, 0.00073 * t[hit]) / np.clip(cos_inc[hit], 0.05, 1) ** 0.78
     ranges = t[hit] + rng.normal(0, 1, len(hit)) * sigma + opt.range_bias_m
-    ranges = _mix_edges(world, packed[hit], t[hit], ranges, rng)
+    if opt.mixed:
+        ranges = _mix_edges(world, packed[hit], t[hit], ranges, rng)
     if opt.fog_per_m > 0:
         share = 1 - math.exp(-opt.fog_per_m * 0.8)
         fog = np.flatnonzero(rng.random(n) < share * 0.05)

@@ -1,19 +1,30 @@
-"""Blade families of the angle bench: drawn planforms and meshes, independent of perception.
+"""Blade families of the angle bench: planforms and meshes, independent of perception.
 
-The laws here are the bench's own; nothing in `perception` may import them.
+Two kinds of blade. Published planforms (`config/turbines`), scaled to 25-65 m and bent away from
+their tables; and planforms drawn freely round what such tables span. Sections follow either the
+bench's own outline or the synthetic world's. Prebend, droop and stiffness are drawn for each. The
+laws here are the bench's own; nothing in `perception` may import them.
 Conventions as in `perception.rotor`: pitch 0 operating (LE towards the rotation,
 pressure side upwind), 90 feathered (LE upwind).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
 
+from config.presets import load_turbine, turbine_names
 from config.turbine import BladeShape, Turbine
+from drivers.simulated.airfoil_sections import section
 from perception.values import Float
+
+DRAWN = "drawn"
+"""Name of the freely drawn family."""
+DRAWN_SHARE = 0.35
 
 STATIONS = 44
 AROUND = 32
@@ -39,6 +50,12 @@ class Planform:
     sag_flap: float
     """Tip deflection under its own weight, flatwise, as a share of the length."""
     sag_edge: float
+    sag_exponent: float = 2.7
+    """Deflection along the span is its power of this: 2 stiff outboard, 3 soft."""
+    world_sections: bool = False
+    """Sections of the synthetic world instead of the bench's own."""
+    model: str = DRAWN
+    """The published planform it came from."""
 
     @property
     def radius_m(self) -> float:
@@ -46,46 +63,116 @@ class Planform:
         return self.length_m + self.hub_radius_m
 
 
-def draw_planform(rng: np.random.Generator) -> Planform:
-    """Draw a blade of 25-65 m whose proportions span the published reference blades."""
+@lru_cache
+def published_models() -> tuple[str, ...]:
+    """Return the names of the turbines whose blade shape is published."""
+    return tuple(n for n in turbine_names() if load_turbine(n).shape == "published")
+
+
+def draw_planform(rng: np.random.Generator, models: tuple[str, ...] | None = None) -> Planform:
+    """Draw a blade of 25-65 m; ``models`` bounds the families (default: all, `DRAWN` included)."""
+    chosen = models or (*published_models(), DRAWN)
+    others = [m for m in chosen if m != DRAWN]
+    drawn = DRAWN in chosen and (not others or rng.random() < DRAWN_SHARE)
+    plan = _drawn(rng) if drawn else _published(rng, others[int(rng.integers(len(others)))])
+    length = plan.length_m
+    # Blades of 60 and 80 m are said to sag 0.9 and 1.5 m; one type is stiffer than another.
+    sag = 0.9 * (length / 60.0) ** 1.78 / length * rng.lognormal(0.0, 0.4)
+    prebend = rng.uniform(0.0, 0.05) * plan.radius_m * plan.span ** rng.uniform(1.6, 3.4)
+    return replace(
+        plan,
+        prebend_m=np.asarray(prebend, np.float64),
+        sag_flap=float(sag),
+        sag_edge=float(sag * rng.uniform(0.15, 0.45)),
+        sag_exponent=float(rng.uniform(2.0, 3.1)),
+        world_sections=bool(rng.random() < 0.5),
+    )
+
+
+def _published(rng: np.random.Generator, model: str) -> Planform:
+    """Return a published planform at another length, its columns bent by a few per cent."""
+    turbine = load_turbine(model)
     length = rng.uniform(25.0, 65.0)
-    span: Float = np.asarray(np.linspace(0.0, 1.0, STATIONS) ** 1.15, np.float64)
-    peak = rng.uniform(0.14, 0.27)
-    root = length * rng.uniform(0.042, 0.060)
-    widest = max(length * rng.uniform(0.062, 0.080), 1.15 * root)
-    tip = length * rng.uniform(0.004, 0.02)
-    rise = 0.5 - 0.5 * np.cos(np.pi * np.clip((span - 0.02) / (peak - 0.02), 0, 1))
-    fall = np.clip((1.0 - span) / (1.0 - peak), 0, 1) ** rng.uniform(0.85, 1.35)
-    chord: Float = np.where(span < peak, root + (widest - root) * rise, tip + (widest - tip) * fall)
-    twist_root, twist_tip = rng.uniform(10.0, 20.0), rng.uniform(-3.0, 0.5)
-    late = np.clip((span - 0.08) / 0.92, 0, 1)
-    twist = twist_tip + (twist_root - twist_tip) * (1.0 - late) ** rng.uniform(2.0, 4.0)
-    thin = rng.uniform(0.34, 0.44)
-    thickness: Float = np.interp(
-        span,
-        [0, 0.03, peak * 0.6, peak, 0.4, 0.7, 1.0],
-        [1.0, 1.0, rng.uniform(0.55, 0.75), thin, 0.30, 0.23, rng.uniform(0.16, 0.21)],
-    )
-    axis: Float = np.interp(
-        span,
-        [0, 0.03, peak, 0.5, 1.0],
-        [0.5, 0.49, rng.uniform(0.29, 0.38), rng.uniform(0.28, 0.42), rng.uniform(0.25, 0.45)],
-    )
-    sag = 0.0175 * (length / 65.0) * rng.uniform(0.7, 1.3)
+    scale = length / turbine.blade_length_m
+    span = _span()
+
+    def column(values: tuple[float, ...]) -> Float:
+        return np.asarray(PchipInterpolator(turbine.blade.span, values)(span), np.float64)
+
+    def bent(size: float) -> Float:
+        """A slow random change along the span."""
+        knots = rng.normal(0.0, size, 5)
+        return np.asarray(np.interp(span, np.linspace(0, 1, 5), knots), np.float64)
+
+    # Large machines have slender blades; at 25-65 m real ones are wider.
+    slender = rng.uniform(0.92, 1.12) * (1.15 if turbine.blade_length_m > 90 else 1.0)
+    chord = column(turbine.blade.chord_m) * scale * slender * (1 + bent(0.03))
+    thickness = column(turbine.blade.thickness)
+    thickness = np.where(thickness > 0.95, thickness, thickness * (1 + bent(0.05)))
+    axis = column(turbine.blade.pitch_axis)
+    axis = axis + np.where(span > 0.03, 1.0, 0.0) * (rng.normal(0, 0.012) + bent(0.012))
+    twist = column(turbine.blade.twist_deg) + rng.normal(0, 0.7) + bent(0.7)
     return Planform(
         length,
-        rng.uniform(0.025, 0.04) * length,
+        turbine.hub_radius_m * scale * rng.uniform(0.9, 1.15),
         span,
-        chord,
+        np.maximum(chord, 0.004 * length),
         twist,
-        thickness,
-        np.asarray(rng.uniform(0.0, 0.05) * length * span ** rng.uniform(2.0, 3.0), np.float64),
+        np.clip(thickness, 0.14, 1.0),
+        np.zeros(STATIONS),
         axis,
         rng.uniform(0.01, 0.035),
         rng.uniform(0.004, 0.02),
         rng.uniform(0.85, 1.2),
-        sag,
-        sag * rng.uniform(0.15, 0.35),
+        0.0,
+        0.0,
+        model=model,
+    )
+
+
+def _span() -> Float:
+    return np.asarray(np.linspace(0.0, 1.0, STATIONS) ** 1.15, np.float64)
+
+
+def _drawn(rng: np.random.Generator) -> Planform:
+    """Draw a blade whose proportions span the published reference blades, and some more."""
+    length = rng.uniform(25.0, 65.0)
+    span = _span()
+    peak = rng.uniform(0.13, 0.28)
+    root = length * rng.uniform(0.040, 0.062)
+    widest = max(length * rng.uniform(0.052, 0.084), 1.12 * root)
+    tip = length * rng.uniform(0.004, 0.025)
+    rise = 0.5 - 0.5 * np.cos(np.pi * np.clip((span - 0.02) / (peak - 0.02), 0, 1))
+    fall = np.clip((1.0 - span) / (1.0 - peak), 0, 1) ** rng.uniform(0.75, 1.5)
+    chord: Float = np.where(span < peak, root + (widest - root) * rise, tip + (widest - tip) * fall)
+    twist_root, twist_tip = rng.uniform(9.0, 21.0), rng.uniform(-5.0, 0.5)
+    late = np.clip((span - 0.08) / 0.92, 0, 1)
+    twist = twist_tip + (twist_root - twist_tip) * (1.0 - late) ** rng.uniform(1.6, 4.0)
+    thin = rng.uniform(0.33, 0.46)
+    thickness: Float = np.interp(
+        span,
+        [0, 0.03, peak * 0.6, peak, 0.4, 0.7, 1.0],
+        [1.0, 1.0, rng.uniform(0.55, 0.85), thin, 0.30, 0.23, rng.uniform(0.16, 0.21)],
+    )
+    axis: Float = np.interp(
+        span,
+        [0, 0.03, peak, 0.5, 1.0],
+        [0.5, 0.49, rng.uniform(0.25, 0.38), rng.uniform(0.25, 0.42), rng.uniform(0.25, 0.45)],
+    )
+    return Planform(
+        length,
+        rng.uniform(0.022, 0.045) * length,
+        span,
+        chord,
+        twist,
+        thickness,
+        np.zeros(STATIONS),
+        axis,
+        rng.uniform(0.01, 0.035),
+        rng.uniform(0.004, 0.02),
+        rng.uniform(0.85, 1.2),
+        0.0,
+        0.0,
     )
 
 
@@ -114,6 +201,19 @@ def section_outline(
     return np.stack([x, line + np.where(upper, half, -half)], axis=1)
 
 
+def _outline(plan: Planform, k: int) -> Float:
+    """Return the (AROUND, 2) outline of a station by the law of its family."""
+    thickness = float(plan.thickness[k])
+    if not plan.world_sections:
+        return section_outline(thickness, plan.camber, plan.trailing_edge, plan.fullness)
+    # The world's runs from the trailing edge over the pressure side and is not closed.
+    outline = section(thickness)
+    around = np.linspace(0, len(outline) - 1, AROUND + 1)[:-1]
+    index = np.arange(len(outline))
+    columns = [np.interp(around, index, outline[::-1, c]) for c in range(2)]
+    return np.stack(columns, axis=1)
+
+
 def blade_mesh(
     plan: Planform, pitch_deg: float, down_bxy: tuple[float, float], sense: float
 ) -> tuple[Float, NDArray[np.int64]]:
@@ -125,7 +225,7 @@ def blade_mesh(
     """
     rings = []
     p = np.deg2rad(pitch_deg)
-    bend = plan.span**2 * (6 - 4 * plan.span + plan.span**2) / 3
+    bend = plan.span**plan.sag_exponent
     flat = np.array([sense * np.sin(p), -np.cos(p)])  # pressure-side normal, about untwisted
     edge = np.array([-sense * np.cos(p), -np.sin(p)])
     down = np.array(down_bxy)
@@ -133,9 +233,7 @@ def blade_mesh(
         plan.sag_flap * (down @ flat) * flat + plan.sag_edge * (down @ edge) * edge
     )
     for k, s in enumerate(plan.span):
-        outline = section_outline(
-            float(plan.thickness[k]), plan.camber, plan.trailing_edge, plan.fullness
-        )
+        outline = _outline(plan, k)
         a = p + np.deg2rad(plan.twist_deg[k])
         to_le = np.array([-sense * np.cos(a), -np.sin(a)])
         to_ps = np.array([sense * np.sin(a), -np.cos(a)])
