@@ -17,6 +17,8 @@ _GRID_STEPS_M = (5, 10, 20, 25, 50)
 _MOST_GRID_LINES = 8
 _CURVE_WIDTH, _CURVE_HEIGHT = 280.0, 96.0
 _LABEL_FROM_SHARE = 6.0
+#: Below it the angle's figure does not fit between the tower and the blade.
+_NARROW_DEG = 50.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +40,7 @@ class RotorPicture:
     arc: str
     """SVG path of the stop angle, from straight down to the first blade."""
     arc_label: tuple[float, float]
+    arc_anchor: str
 
 
 def rotor_picture(mission: MissionFile) -> RotorPicture | None:
@@ -53,7 +56,9 @@ def rotor_picture(mission: MissionFile) -> RotorPicture | None:
     x, y = _towards(rotor.stop_angle_deg)
     label_x, label_y = _towards(rotor.stop_angle_deg / 2)
     arc = f"M 0 46 A 46 46 0 0 0 {46 * x:.2f} {46 * y:.2f}"
-    return RotorPicture(tuple(arms), arc, (64 * label_x, 64 * label_y + 4))
+    if rotor.stop_angle_deg < _NARROW_DEG:
+        return RotorPicture(tuple(arms), arc, (-13, 50), "end")
+    return RotorPicture(tuple(arms), arc, (66 * label_x, 66 * label_y + 4), "middle")
 
 
 def _towards(angle_deg: float) -> tuple[float, float]:
