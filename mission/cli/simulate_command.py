@@ -57,6 +57,7 @@ def simulate_command(
         if value is not None:
             overrides.append(f"{key}={value}")
     settings = _load(scenario, overrides)
+    _make_room(Path(settings.missions_dir), keep)
     console = Console(file=sys.stderr if as_json else sys.stdout)
     progress = LiveProgress(console, f"bladescout - {Path(scenario).stem}", silent=as_json)
     try:
@@ -64,12 +65,25 @@ def simulate_command(
             outcome = simulate(settings, progress.on_state, progress.on_event, keep_run_dir=keep)
     except (SimulationFailed, BusUnreachable, NoReply) as error:
         end(Exit.DEVICE, str(error))
+    except KeyboardInterrupt:
+        end(Exit.UNFINISHED, "interrupted: the simulation was broken off")
     mission = add_truth(outcome.mission_dir, outcome.truth)
     if as_json:
         sys.stdout.write(json.dumps(mission) + "\n")
     else:
         print_summary(console, mission, outcome.mission_dir)
     raise typer.Exit(int(exit_of(outcome.state)))
+
+
+def _make_room(missions: Path, keep: Path | None) -> None:
+    if keep is not None and (keep / "field").exists():
+        end(Exit.CONFIGURATION, f"--keep {keep}: holds an earlier run; name an empty folder")
+    for folder in (missions, keep):
+        try:
+            if folder is not None:
+                folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            end(Exit.CONFIGURATION, f"{folder}: no folder can be made there: {error.strerror}")
 
 
 def _load(scenario: str, overrides: list[str]) -> Settings:

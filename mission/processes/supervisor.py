@@ -121,7 +121,10 @@ class Supervisor:
             return _refuse("busy", "a mission is running: abort it or wait for its end")
         if not self._state.link_ok:
             return _refuse("no_vehicle", self._state.progress.words)
-        folder = str(self._new_folder(request.site))
+        try:
+            folder = str(self._new_folder(request.site))
+        except OSError as error:
+            return _refuse("no_folder", f"the mission folder cannot be made: {error}")
         inspection = self._settings.inspection
         intent = Intent(
             kind=RequestKind.START,

@@ -1,6 +1,7 @@
 """Real processes of the product: started as a user starts them, found again by their run folder."""
 
 import contextlib
+import json
 import os
 import signal
 import socket
@@ -17,6 +18,7 @@ from config.links import Bus as BusSettings
 from drivers.bus import BusUnreachable
 from mission.remote.client import Client, NoReply
 
+ROOT = Path(__file__).parents[2]
 COMMAND = (sys.executable, "-m", "mission.cli.main")
 
 
@@ -106,35 +108,73 @@ def processes_left(tmp_path):
     return lambda: processes_naming(tmp_path)
 
 
-@pytest.fixture
-def bladescout(tmp_path):
-    """Start a command in a folder and process group of its own; nothing outlives the test."""
+@contextlib.contextmanager
+def launcher(folder):
+    """Start commands in a folder, each in a process group of its own; none outlives the block."""
     runs = []
 
-    def start(*words, cwd=tmp_path):
+    def start(*words):
         number = len(runs)
-        out, err = tmp_path / f"out{number}.txt", tmp_path / f"err{number}.txt"
-        environment = os.environ | {"COLUMNS": "100", "PYTHONPATH": str(Path.cwd())}
+        out, err = folder / f"out{number}.txt", folder / f"err{number}.txt"
+        environment = os.environ | {"COLUMNS": "100", "PYTHONPATH": str(ROOT)}
         with out.open("wb") as out_file, err.open("wb") as err_file:
             process = subprocess.Popen(
                 [*COMMAND, *(str(word) for word in words)],
                 stdin=subprocess.DEVNULL,
                 stdout=out_file,
                 stderr=err_file,
-                cwd=cwd,
+                cwd=folder,
                 env=environment,
                 start_new_session=True,
             )
         runs.append(Run(process, out, err))
         return runs[-1]
 
-    yield start
-    for run in runs:
-        family = [] if run.process.poll() is not None else run.family()
-        for process in [*family, *processes_naming(tmp_path)]:
-            with contextlib.suppress(psutil.Error):
-                process.kill()
-        run.process.wait()
+    try:
+        yield start
+    finally:
+        for run in runs:
+            family = [] if run.process.poll() is not None else run.family()
+            for process in [*family, *processes_naming(folder)]:
+                with contextlib.suppress(psutil.Error):
+                    process.kill()
+            run.process.wait()
+
+
+@pytest.fixture
+def bladescout(tmp_path):
+    """Start a command as a user does."""
+    with launcher(tmp_path) as start:
+        yield start
+
+
+@dataclass(frozen=True)
+class Flown:
+    """A simulated mission that is over."""
+
+    run: Run
+    folder: Path
+    run_dir: Path
+    left: list
+
+    @property
+    def mission(self):
+        return json.loads(self.run.stdout)
+
+
+@pytest.fixture(scope="session")
+def fly(tmp_path_factory):
+    """Simulate a mission to its end, as a user does."""
+
+    def simulate(*words, within_s=280):
+        folder = tmp_path_factory.mktemp("flown")
+        own = ("--out", folder / "missions", "--keep", folder / "run", "--json")
+        with launcher(folder) as start:
+            run = start("simulate", "demo", *own, *words).wait(within_s)
+            left = processes_naming(folder)
+        return Flown(run, next((folder / "missions").iterdir()), folder / "run", left)
+
+    return simulate
 
 
 @dataclass
