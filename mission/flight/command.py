@@ -76,6 +76,8 @@ class PhotoCommand:
     side: str
     metre: float
     distance_m: float
+    foot_w: Vec3 | None = None
+    """The point of the blade's axis that the camera is aimed at."""
     repeated: bool = False
     marks: tuple[str, ...] = ()
     """Why the photo may be doubtful: `exposure`, `aim`, `from_model`."""

@@ -29,8 +29,6 @@ from mission.remote.messages import (
 
 _TASK = TypeAdapter(SensingTask)
 TASK_PERIOD_S = 1.0
-#: A blade's foot older than this is another place of the blade.
-FOOT_FRESH_S = 0.5
 
 
 class FlightOutputs:
@@ -120,16 +118,9 @@ class FlightOutputs:
         vehicle, gimbal = self._at(photo.stamp_s, newest)
         if vehicle is None:
             return
-        blade, camera = newest.blade, newest.camera
-        fresh = (
-            blade is not None
-            and blade.blade == command.blade
-            and photo.stamp_s - blade.stamp_s < FOOT_FRESH_S
-        )
-        foot = blade.foot_w if fresh and blade is not None else None
-        distance_m = command.distance_m
-        if foot is not None:
-            distance_m = math.dist(foot, vehicle.position_w)
+        camera = newest.camera
+        foot = command.foot_w
+        distance_m = command.distance_m if foot is None else math.dist(foot, vehicle.position_w)
         message = PhotoTakenMessage(
             command=command,
             url=photo.file_url,

@@ -221,31 +221,32 @@ class TrackingWorker:
         """Meter the blade's own outline near the foot; the disc where the outline is not known."""
         camera = self._camera_pose(frame.stamp_s)
         task = self._inbox.task
-        if camera is None or self._foot_w is None:
+        if camera is None or task.blade_root_w is None or task.blade_tip_w is None:
             return None
         height, width = frame.grey.shape
         settings = self._settings.camera
         focal_px = settings.focal_length_mm / settings.sensor_width_mm * width
         matrix = pinhole_matrix(focal_px, width, height)
-        foot_px = project(np.asarray(self._foot_w), camera, matrix)
+        shift = self._shift(np.asarray(task.blade_root_w), np.asarray(task.blade_tip_w))
+        root_w = np.asarray(task.blade_root_w) + shift
+        tip_w = np.asarray(task.blade_tip_w) + shift
+        seen_px = project(_looked_at(camera, root_w, tip_w), camera, matrix)
         radius_px = self._settings.exposure.disc_radius * width
         turbine = self._turbines.get(task.turbine)
-        if turbine is not None and task.blade_root_w is not None and task.blade_tip_w is not None:
-            root_w, tip_w = np.asarray(task.blade_root_w), np.asarray(task.blade_tip_w)
-            shift = self._shift(root_w, tip_w)
+        if turbine is not None:
             span = np.linspace(0.0, 1.0, 60)
             chord = np.interp(span, turbine.blade.span, turbine.blade.chord_m)
             thick = chord * np.interp(span, turbine.blade.span, turbine.blade.thickness)
-            outline = blade_outline(
-                root_w + shift, tip_w + shift, 0.5 * SURE_WIDTH * thick, camera, matrix
-            )
-            metered = meter_outline(frame.grey, outline, foot_px, 4 * radius_px)
+            outline = blade_outline(root_w, tip_w, 0.5 * SURE_WIDTH * thick, camera, matrix)
+            metered = meter_outline(frame.grey, outline, seen_px, 4 * radius_px)
             if metered is not None:
                 return metered
-        return meter_disc(frame.grey, foot_px, radius_px)
+        return meter_disc(frame.grey, seen_px, radius_px)
 
     def _shift(self, root_w: Float, tip_w: Float) -> Float:
-        """Return how far the measured foot lies beside the modelled axis, (3,)."""
+        """Return how far the blade was last seen beside the modelled axis, (3,)."""
+        if self._foot_w is None:
+            return np.zeros(3)
         axis = (tip_w - root_w) / np.linalg.norm(tip_w - root_w)
         offset = np.asarray(self._foot_w) - root_w
         across: Float = offset - (offset @ axis) * axis
@@ -267,6 +268,17 @@ class TrackingWorker:
             math.sin(gimbal.pitch_rad),
         )
         return CameraPose(stamp_s, eye_w, camera_looking_along(direction))
+
+
+def _looked_at(camera: CameraPose, root_w: Float, tip_w: Float) -> Float:
+    """Return the point (3,) of the blade's axis that comes nearest to the optical axis."""
+    axis, sight = tip_w - root_w, camera.rotation_wc[:, 2]
+    between = root_w - camera.position_w
+    a, b, d, e = axis @ axis, axis @ sight, axis @ between, sight @ between
+    parallel = a - b * b < 1e-6 * a
+    share = 0.5 if parallel else float((b * e - d) / (a - b * b))
+    nearest: Float = root_w + min(max(share, 0.0), 1.0) * axis
+    return nearest
 
 
 def _half_depth(turbine: Turbine | None, task: SensingTask, position_w: Float) -> float:

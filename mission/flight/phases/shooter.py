@@ -8,6 +8,7 @@ from mission.flight.command import GimbalAim, PhotoCommand
 from mission.flight.flight import Flight
 from mission.flight.ledger import Photo, PhotoStatus
 from mission.flight.passes import Leg
+from perception.values import Float
 
 #: A photo is due this much before its metre: half of what is flown in a tick, and a little.
 DUE_M = 0.12
@@ -35,7 +36,7 @@ class Shooter:
         return tuple(self._left)
 
     def step(
-        self, flight: Flight, metre: float, distance_m: float, aim: GimbalAim
+        self, flight: Flight, metre: float, distance_m: float, aim: GimbalAim, foot_w: Float
     ) -> tuple[PhotoCommand | None, float]:
         """Return a photo to take now, if any, and by how much to slow the flight."""
         self._settle(flight, metre)
@@ -76,6 +77,7 @@ class Shooter:
                 side=self._leg.side,
                 metre=metre,
                 distance_m=distance_m,
+                foot_w=(float(foot_w[0]), float(foot_w[1]), float(foot_w[2])),
                 repeated=target in self._again or self._leg.again,
                 marks=tuple(marks),
             ),

@@ -147,7 +147,7 @@ class Track:
         foot = leg.foot(min(max(metre, 0.0), leg.length_m)) + shift
         aim = flight.aim_at(foot)
         distance = self._distance(flight, leg, metre, here, shift)
-        photo, slow = shooter.step(flight, metre, distance, aim)
+        photo, slow = shooter.step(flight, metre, distance, aim, foot)
         setpoint = flight.follow(_yaw(flight, leg), slow, shift)
         if shooter.left and flight.follower.left_m < 0.05:
             flight.go(_line(leg, metre, shooter.left), self._speed)
