@@ -1,0 +1,142 @@
+"""What the README and ARCHITECTURE.md tell a newcomer to type, read and open is really there."""
+
+import ast
+import re
+import shlex
+import tomllib
+from pathlib import Path
+
+import pytest
+from typer.main import get_command
+
+import bladescout
+from config.sources import load
+from drivers.bus import Key
+from mission.cli.exits import Exit
+from mission.cli.main import app
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text()
+ARCHITECTURE = (ROOT / "ARCHITECTURE.md").read_text()
+PLACEHOLDERS = {"FILE": "drone.toml", "TURBINE": "hill-3", "DIR": "missions/x", "SCENARIO": "demo"}
+
+
+def blocks(language):
+    """Return the code blocks of a language, without the indentation of a list."""
+    found = re.findall(rf"^( *)```{language}\n(.*?)^ *```", README, re.MULTILINE | re.DOTALL)
+    return [
+        "\n".join(line.removeprefix(indent) for line in text.splitlines()) for indent, text in found
+    ]
+
+
+def typed():
+    """Return every command of the README: lines of its sh blocks, and inline code."""
+    lines = [line for block in blocks("sh") for line in block.splitlines() if line.strip()]
+    inline = re.findall(r"`((?:bladescout|make) [^`]+)`", README)
+    return list(
+        dict.fromkeys(lines + [text for text in inline if not text.startswith("bladescout-")])
+    )
+
+
+def words_of(command):
+    words = shlex.split(command.replace("[", "").replace("]", ""))
+    return [PLACEHOLDERS.get(word, word) for word in words]
+
+
+def context_of(words):
+    """Parse words as the command line would, without doing anything."""
+    command, context = get_command(app), None
+    while True:
+        name = "bladescout" if context is None else context.info_name
+        if not hasattr(command, "commands"):
+            return command.make_context(name, list(words))
+        context = command.make_context(name, list(words), resilient_parsing=True)
+        assert words, f"{name} needs a command"
+        assert words[0] in command.commands, f"there is no command {words[0]!r}"
+        command, words = command.commands[words[0]], words[1:]
+
+
+@pytest.mark.parametrize("command", [c for c in typed() if c.startswith("bladescout")])
+def test_every_command_can_be_typed_as_it_stands(command):
+    words = words_of(command)
+    if words[1:] == ["start", "hill-3"]:
+        # It would ask for the rest.
+        words += ["--operator", "A. Person", "--rotor-locked"]
+    assert context_of(words[1:]) is not None
+
+
+def test_every_make_target_exists():
+    targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    asked = {words_of(c)[1] for c in typed() if c.startswith("make ")}
+    assert asked >= {"mission", "test"}
+    assert asked <= targets
+
+
+def test_nothing_else_is_typed():
+    known = ("bladescout ", "make ", ". .venv/bin/activate")
+    assert [command for command in typed() if not command.startswith(known)] == []
+
+
+def test_every_command_of_the_command_line_is_told():
+    told = {words_of(c)[1] for c in typed() if c.startswith("bladescout ")}
+    assert told == set(get_command(app).commands)
+
+
+def test_the_settings_file_can_be_used(tmp_path):
+    (text,) = blocks("toml")
+    tomllib.loads(text)
+    file = tmp_path / "drone.toml"
+    file.write_text(text)
+    settings = load([file], environment={}).settings
+    assert settings.sites[0].name == "hill-3"
+    assert settings.vehicle == "heron"
+
+
+def test_the_variable_and_the_override_of_the_readme_are_understood():
+    settings = load(environment={"BLADESCOUT_GUARD__MAX_HEIGHT_M": "150"}).settings
+    assert settings.guard.max_height_m == 150
+    assert load(overrides=["guard.max_height_m=150"], environment={}).settings == settings
+    assert "BLADESCOUT_GUARD__MAX_HEIGHT_M=150" in README
+    assert "--set guard.max_height_m=150" in README
+
+
+def test_the_python_example_uses_names_that_exist():
+    (text,) = blocks("python")
+    tree = ast.parse(text)
+    imported = [a.name for n in ast.walk(tree) if isinstance(n, ast.ImportFrom) for a in n.names]
+    assert set(imported) <= set(bladescout.__all__)
+    called = {
+        node.func.attr
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)
+    }
+    assert called <= set(dir(bladescout.Client))
+
+
+def test_the_exit_codes_are_those_of_the_command_line():
+    told = {int(code) for code in re.findall(r"^\| (\d) \|", README, re.MULTILINE)}
+    assert told == {int(code) for code in Exit}
+
+
+def test_the_picture_is_there_and_light():
+    for name in re.findall(r"!\[[^]]*\]\(([^)]+)\)", README):
+        assert (ROOT / name).stat().st_size < 400_000
+
+
+NAMED = re.findall(r"`([a-zA-Z_]+(?:/[a-z_0-9]+)*(?:/|\.py|\.md|\.lock))`", README + ARCHITECTURE)
+
+
+@pytest.mark.parametrize("name", sorted(set(NAMED) - {"log/"}))
+def test_every_file_that_is_named_exists(name):
+    assert (ROOT / name).exists()
+
+
+@pytest.mark.parametrize("key", list(Key))
+def test_the_table_of_flows_names_every_key(key):
+    assert f"| `{key}` |" in ARCHITECTURE
+
+
+@pytest.mark.parametrize("name", ["README.md", "ARCHITECTURE.md"])
+def test_every_table_has_the_same_number_of_columns_in_each_row(name):
+    for table in re.findall(r"(?:^ *\|.*\|\n)+", (ROOT / name).read_text(), re.MULTILINE):
+        assert len({len(re.findall(r"(?<!\\)\|", row)) for row in table.splitlines()}) == 1, table
