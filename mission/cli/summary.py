@@ -9,6 +9,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 #: Name and unit of each column; they fit a terminal of 80 columns.
 _COLUMNS = (
@@ -68,8 +69,11 @@ def print_summary(console: Console, mission: Mapping[str, object], folder: Path)
     table.add_row(
         "timing", f"setpoint gap p99 {_number(gap, '.0f', ' ms')}, real-time factor {factor}"
     )
-    table.add_row("report", escape(str(folder / "report.html")))
-    console.print(table, soft_wrap=True)
+    console.print(table)
+    # Whole, on a line that a terminal makes a link of, however narrow it is.
+    console.print(
+        Text.assemble(("report      ", "dim"), str(folder / "report.html")), soft_wrap=True
+    )
 
 
 def _passes(mission: Mapping[str, object]) -> Table:

@@ -166,7 +166,7 @@ class Flown:
 def fly(tmp_path_factory):
     """Simulate a mission to its end, as a user does."""
 
-    def simulate(*words, within_s=280):
+    def simulate(*words, within_s=500):
         folder = tmp_path_factory.mktemp("flown")
         own = ("--out", folder / "missions", "--keep", folder / "run", "--json")
         with launcher(folder) as start:
