@@ -14,7 +14,7 @@ import numpy as np
 from config.turbine import Turbine
 from perception.values import Float
 
-STATIONS = 72
+STATIONS = 120
 VERTICES = 28
 BLUNTNESS = 1.05
 """Exponent m of thin sections: the greatest thickness lies at 1 / (1 + 2 m) of the chord."""

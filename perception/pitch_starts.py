@@ -18,19 +18,19 @@ PITCH_STARTS_DEG = (-3.0, 12.0, 28.0, 45.0, 62.0, 78.0, 92.0)
 
 def start_pitches(solver: RotorSolver, params: Float, data: BladeData) -> list[Float]:
     """Return the starts worth fitting in full: the best common pitch and a different runner-up."""
-    every = max(1, len(data.r_m) // 500)
+    every = max(1, len(data.rows.r_m) // 500)
     held = np.zeros(kernel.PARAMETERS)
     held[kernel.CONE : kernel.PITCH] = 1e8
-    held[kernel.CHORD :] = 1e8
+    held[kernel.SPACING :] = 1e8
     tries: list[tuple[float, Float]] = []
     for start in PITCH_STARTS_DEG:
         guess = params.copy()
-        guess[kernel.PITCH : kernel.CHORD] = math.radians(start)
+        guess[kernel.PITCH : kernel.SPACING] = math.radians(start)
         guess = solver.run(guess, 5, held, 12.0, every)
         tries.append((solver.cost(guess, 12.0, every), guess))
     tries.sort(key=lambda t: t[0])
     best = tries[0][1]
-    pitches = slice(kernel.PITCH, kernel.CHORD)
+    pitches = slice(kernel.PITCH, kernel.SPACING)
     others = [
         guess
         for cost, guess in tries[1:]

@@ -96,7 +96,7 @@ def rotor_of(
         (blades[0], blades[1], blades[2]),
         "rotor_fit",
         math.degrees(state.cone_rad),
-        len(state.data.r_m),
+        len(state.data.rows.r_m),
     )
 
 
@@ -106,7 +106,7 @@ def _pitch(state: FitState, b: int) -> tuple[float | None, float]:
     Leading and trailing edge are told apart by the sense of rotation and the range that pitch can
     have. A blade may be alike the others or a quarter turn from them: between, the fit is stuck.
     """
-    pitches = np.degrees(state.params[kernel.PITCH : kernel.CHORD])
+    pitches = np.degrees(state.params[kernel.PITCH : kernel.SPACING])
     pitch = float(pitches[b])
     variance = float(state.covariance[kernel.PITCH + b, kernel.PITCH + b])
     sigma = SIGMA_FACTOR * math.degrees(math.sqrt(variance))

@@ -13,31 +13,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.rotor import direction_at
+from perception.rotor_fit_kernel import Rows
 from perception.values import Float
+from perception.voxel_hash import compiled
 
 BIN_M = 0.5
 EDGE_SHARE = 0.02
 MIN_EDGE_POINTS = 5
 KEEP_OF_WIDEST = 0.8
-POINTS_PER_BIN = 12
+POINTS_PER_BIN = 7
 POINT_SIGMA_M = 0.075
+EDGE_SIGMA_M = 0.045
+#: A bin never weighs more than this many independent points: the shape errs together.
+WORTH = 4.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BladeData:
-    """Rows of the fit, M of them.
+    """Rows of the fit and what they say of the blades.
 
-    ``kind``: 0 surface point, 1 edge of least v, 2 edge of greatest v. ``view``: (M, 2) unit
-    direction of sight in (v, w). ``sigma_m``: (M,) a row's standard deviation.
+    ``rows.kind``: 0 surface point, 1 edge of least v, 2 edge of greatest v. ``rows.sight``: (M, 2)
+    share across the blade, (v, w), of the unit direction of sight. ``rows.sigma_m``: (M,).
     """
 
-    blade: NDArray[np.int64]
-    r_m: Float
-    v_m: Float
-    w_m: Float
-    kind: NDArray[np.int64]
-    view: Float
-    sigma_m: Float
+    rows: Rows
     reach_m: tuple[float, float, float]
     """Outermost occupied radius of each blade."""
     counts: tuple[int, int, int]
@@ -61,107 +60,145 @@ def collect_blades(
     frame: tuple[Float, Float, Float],
     gate: tuple[float, float, float],
     radii: tuple[float, float],
-    lines: Float | None = None,
+    slope: float | None = None,
 ) -> BladeData:
     """Gather the rows of all three blades.
 
     ``frame``: radial (3, 3), tangential (3, 3), normal (3,). ``gate``: half width across, depth
-    upwind, depth downwind, metres about the axis. ``radii``: from, to. ``lines``: (3, 2) slope and
-    curvature of each blade's depth, where known: the gate follows them.
+    upwind, depth downwind, metres about the axis. ``radii``: from, to. ``slope``: of the blades'
+    depth along the radius, where known: the gate follows it, and no longer widens outward.
     """
     radial, tangential, normal = frame
-    rel, eye = points_w - hub_w, viewpoint_w - hub_w
-    depth = rel @ normal
-    parts: list[tuple[NDArray[np.float64], ...]] = []
-    reach, bins_seen, widths = [], [], []
+    rel = points_w - hub_w
+    bins = int(radii[1] / BIN_M) + 2
+    most = 3 * bins * (POINTS_PER_BIN + 2)
+    table, kind = np.empty((most, 8)), np.empty(most, np.int64)
+    reach, counts = np.zeros(3), np.zeros(3, np.int64)
+    used = 0
     for k in range(3):
-        r, v = rel @ radial[k], rel @ tangential[k]
-        bend = 0.0 if lines is None else lines[k, 0] * r + lines[k, 1] * r * r
-        wide = gate[0] + (0.0 if lines is not None else 0.05 * np.clip(r, 0, 20))
-        keep = (r > radii[0]) & (r < radii[1]) & (np.abs(v) < wide)
-        keep &= (depth - bend > -gate[1]) & (depth - bend < gate[2])
-        rows = _one_blade(k, r[keep], v[keep], depth[keep])
-        sight = np.stack([rows[2] - eye @ tangential[k], rows[3] - eye @ normal], axis=1)
-        sight /= np.linalg.norm(sight, axis=1, keepdims=True)
-        parts.append((*rows, sight))
-        reach.append(float(np.quantile(r[keep], 0.995)) if keep.any() else 0.0)
-        bins_seen.append(len(np.unique((r[keep] / BIN_M).astype(int))))
-        widths.append(_widths(rows))
-    edge_ok = _visible(widths)
-    columns = [np.concatenate([p[i] for p in parts]) for i in range(7)]
-    blade, kind = columns[0].astype(np.int64), columns[4].astype(np.int64)
-    bins = (columns[1] / BIN_M).astype(int)
-    table = np.zeros((3, max(int(bins.max(initial=0)) + 1, 1)), bool)
-    for (k, i), good in edge_ok.items():
-        table[k, i] = good
-    fine = (kind == 0) | table[blade, bins]
+        local = rel @ np.stack([radial[k], tangential[k], normal], axis=1)
+        eye = np.array([radial[k], tangential[k], normal]) @ (viewpoint_w - hub_w)
+        kept = local[_inside(local, np.array(gate), np.array(radii), slope or 0.0, slope is None)]
+        n = _rows_of(kept, eye, k, bins, table[used:], kind[used:])
+        used += n
+        reach[k] = np.quantile(kept[:, 0], 0.995) if len(kept) else 0.0
+        counts[k] = len(np.unique((kept[:, 0] / BIN_M).astype(np.int64)))
+    table, kind = table[:used], kind[:used]
+    column = [np.ascontiguousarray(table[:, c]) for c in range(8)]
+    rows = Rows(
+        column[0].astype(np.int64), column[1], column[2], column[3], kind,
+        np.ascontiguousarray(table[:, 5:7]), column[4], column[7],
+    )  # fmt: skip
     return BladeData(
-        blade[fine],
-        columns[1][fine],
-        columns[2][fine],
-        columns[3][fine],
-        kind[fine],
-        columns[6][fine],
-        columns[5][fine],
-        (reach[0], reach[1], reach[2]),
-        (bins_seen[0], bins_seen[1], bins_seen[2]),
+        rows,
+        (float(reach[0]), float(reach[1]), float(reach[2])),
+        (int(counts[0]), int(counts[1]), int(counts[2])),
     )
 
 
-def _one_blade(k: int, r: Float, v: Float, w: Float) -> tuple[NDArray[np.float64], ...]:
-    """Return columns blade, r, v, w, kind, sigma of one blade: thinned points, then edges."""
-    order = np.argsort(r, kind="stable")
-    r, v, w = r[order], v[order], w[order]
-    index = (r / BIN_M).astype(int)
-    starts = np.flatnonzero(np.diff(index, prepend=-1))
-    ends = np.append(starts[1:], len(r))
-    rows: list[NDArray[np.float64]] = []
-    for a, b in zip(starts, ends, strict=True):
-        n = int(b - a)
-        step = max(1, -(-n // POINTS_PER_BIN))
-        chosen = slice(a, b, step)
-        m = len(r[chosen])
-        # A bin never weighs more than four independent points: the shape errs together.
-        sigma = POINT_SIGMA_M * math.sqrt(max(1.0, m / 4.0))
-        block = np.empty((m, 6))
-        block[:, 0], block[:, 1], block[:, 2] = k, r[chosen], v[chosen]
-        block[:, 3], block[:, 4], block[:, 5] = w[chosen], 0, sigma
-        rows.append(block)
-        if n >= MIN_EDGE_POINTS:
-            ranked = a + np.argsort(v[a:b])
-            low, high = ranked[int(EDGE_SHARE * (n - 1))], ranked[-1 - int(EDGE_SHARE * (n - 1))]
-            width = v[high] - v[low]
-            middle = float(r[a:b].mean())
-            blur = math.hypot(0.045, width / (n + 1) * 1.2)
-            inset = width * (1.0 / (n + 1) + (0.04 if n > 12 else 0.0)) * 0.6
-            rows.append(
-                np.array(
-                    [
-                        [k, middle, v[low] - inset, w[low], 1, blur],
-                        [k, middle, v[high] + inset, w[high], 2, blur],
-                    ]
-                )
-            )
-    table = np.concatenate(rows) if rows else np.empty((0, 6))
-    return tuple(table[:, i] for i in range(6))
+@compiled
+def _inside(
+    local: Float, gate: Float, radii: Float, slope: float, widening: bool
+) -> NDArray[np.bool_]:
+    """Return which of the points (N, 3) r, v, w belong to the blade."""
+    keep = np.zeros(len(local), np.bool_)
+    for n in range(len(local)):
+        r, v = local[n, 0], local[n, 1]
+        if r <= radii[0] or r >= radii[1]:
+            continue
+        wide = gate[0] + (0.05 * min(max(r, 0.0), 20.0) if widening else 0.0)
+        depth = local[n, 2] - slope * r
+        keep[n] = abs(v) < wide and -gate[1] < depth < gate[2]
+    return keep
 
 
-def _widths(rows: tuple[NDArray[np.float64], ...]) -> dict[int, float]:
-    low, high = rows[4] == 1, rows[4] == 2
-    widths = rows[2][high] - rows[2][low]
-    return dict(zip((rows[1][low] / BIN_M).astype(int).tolist(), widths.tolist(), strict=True))
+@compiled
+def _rows_of(
+    local: Float, eye: Float, blade: int, bins: int, table: Float, kind: NDArray[np.int64]
+) -> int:
+    """Write the rows of one blade, bin by bin: thinned points, then edges; return how many.
 
-
-def _visible(widths: list[dict[int, float]]) -> dict[tuple[int, int], bool]:
-    """Bins whose edges are the blade's own, not the border of the field of view.
-
-    Dropped: narrower than 0.8 of the neighbouring bins' median, and the outermost seen bin. Across
-    blades the comparison holds only where pitch is alike, so it is made where all agree else.
+    ``table`` columns: blade, r, v, w, sigma, sight along v, sight along w,
+    middle of the bin.
     """
-    ok: dict[tuple[int, int], bool] = {}
-    for k, of_blade in enumerate(widths):
-        last = max(of_blade, default=0)
-        for i, width in of_blade.items():
-            near = sorted(of_blade[j] for j in range(i - 4, i + 3) if j in of_blade)
-            ok[k, i] = i < last and width > KEEP_OF_WIDEST * near[len(near) // 2]
-    return ok
+    index = (local[:, 0] / BIN_M).astype(np.int64)
+    order = np.argsort(index, kind="mergesort")
+    starts = np.searchsorted(index[order], np.arange(bins + 1))
+    low_row = np.full(bins, -1)
+    width = np.zeros(bins)
+    last, used = 0, 0
+    for i in range(bins):
+        a, b = starts[i], starts[i + 1]
+        n = b - a
+        if n == 0:
+            continue
+        step = max(1, -(-n // POINTS_PER_BIN))
+        m = -(-n // step)
+        sigma = POINT_SIGMA_M * math.sqrt(max(1.0, m / WORTH))
+        middle = local[order[a:b], 0].mean()
+        for j in range(a, b):
+            if (j - a) % step == 0:
+                _write(table, used, blade, local[order[j]], sigma, eye, middle)
+                kind[used] = 0
+                used += 1
+        if n < MIN_EDGE_POINTS:
+            continue
+        some = order[a:b]
+        ranked = some[np.argsort(local[some, 1])]
+        skip = int(EDGE_SHARE * (n - 1))
+        low, high = local[ranked[skip]].copy(), local[ranked[n - 1 - skip]].copy()
+        width[i] = high[1] - low[1]
+        # Pulses do not fall on the edge itself; beyond it they are lost or mixed.
+        blur = math.hypot(EDGE_SIGMA_M, width[i] / (n + 1) * 1.2)
+        inset = width[i] * (1.0 / (n + 1) + (0.04 if n > 12 else 0.0)) * 0.6
+        low[0], high[0] = middle, middle
+        low[1] -= inset
+        high[1] += inset
+        low_row[i], last = used, i
+        _write(table, used, blade, low, blur, eye, middle)
+        _write(table, used + 1, blade, high, blur, eye, middle)
+        kind[used], kind[used + 1] = 1, 2
+        used += 2
+    return _without_borders(table, kind, used, low_row, width, last)
+
+
+@compiled
+def _write(  # type: ignore[no-untyped-def]  # compiled
+    table, at, blade, point, sigma, eye, middle
+):
+    table[at, 0], table[at, 1], table[at, 2], table[at, 3] = blade, point[0], point[1], point[2]
+    d_r, d_v, d_w = point[0] - eye[0], point[1] - eye[1], point[2] - eye[2]
+    size = math.sqrt(d_r * d_r + d_v * d_v + d_w * d_w)
+    table[at, 4], table[at, 5], table[at, 6] = sigma, d_v / size, d_w / size
+    table[at, 7] = middle
+
+
+@compiled
+def _without_borders(  # type: ignore[no-untyped-def]  # compiled
+    table, kind, used, low_row, width, last
+):
+    """Drop edges that are the border of the field of view rather than the blade's own.
+
+    Dropped: narrower than 0.8 of the neighbouring bins' median, and the outermost seen bin.
+    """
+    drop = np.zeros(used, np.bool_)
+    near = np.zeros(7)
+    for i in range(len(low_row)):
+        if low_row[i] < 0:
+            continue
+        count = 0
+        for j in range(max(i - 4, 0), min(i + 3, len(low_row))):
+            if low_row[j] >= 0:
+                near[count] = width[j]
+                count += 1
+        middle = np.sort(near[:count])[count // 2]
+        if i >= last or width[i] <= KEEP_OF_WIDEST * middle:
+            drop[low_row[i]] = True
+            drop[low_row[i] + 1] = True
+    kept = 0
+    for m in range(used):
+        if not drop[m]:
+            table[kept] = table[m]
+            kind[kept] = kind[m]
+            kept += 1
+    return kept

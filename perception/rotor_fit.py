@@ -29,6 +29,7 @@ from perception.rotor import (
 from perception.rotor_answer import FitState, rotor_of
 from perception.rotor_cloud import about_prior, usable_points
 from perception.rotor_edges import blade_axes, collect_blades
+from perception.rotor_fit_kernel import Shape
 from perception.rotor_prior import parameter_prior, sections_of, station_columns
 from perception.rotor_solver import RotorSolver
 from perception.tower_reference import tower_reference
@@ -124,11 +125,11 @@ def _fit(
     sense: float,
 ) -> FitState | Refusal:
     radius = table.length_m + table.hub_radius_m
-    station = station_columns(table)
-    prior_mean, prior_info = parameter_prior(published, turbine, radius)
-    params = prior_mean.copy()
+    station = station_columns(table, published)
+    prior = parameter_prior(published, turbine, table.length_m)
+    params = prior.mean.copy()
     hub, normal, angle = coarse.hub_w, coarse.normal_w, coarse.angle_rad
-    lines: Float | None = None
+    depth_slope: float | None = None
     rounds = 3
     result: FitState | Refusal = Refusal(RefusalCode.NOT_CONVERGED, "the fit did not settle")
     for attempt in range(rounds):
@@ -142,7 +143,7 @@ def _fit(
             (radial, tangential, normal),
             gate,
             (max(1.3, table.hub_radius_m * 1.05 + 0.02 * radius), radius * 1.02),
-            lines,
+            depth_slope,
         )
         if min(data.counts) < 5:
             few = int(np.argmin(data.counts))
@@ -156,7 +157,11 @@ def _fit(
         axes = np.stack(
             [radial @ right, radial @ under, tangential @ right, tangential @ under], axis=1
         )
-        solver = RotorSolver(data, axes, station, table, sense, prior_mean, prior_info)
+        shape = Shape(
+            np.ascontiguousarray(axes), station, table.x, table.y,
+            table.length_m, table.hub_radius_m, sense,
+        )  # fmt: skip
+        solver = RotorSolver(data.rows, shape, prior)
         if attempt == 0:
             fitted = [solver.run(start, 10) for start in start_pitches(solver, params, data)]
             params = regroup(solver, min(fitted, key=solver.cost))
@@ -183,6 +188,6 @@ def _fit(
             data,
             residuals,
         )
-        lines = np.array([[-math.tan(cone), 0.0]] * 3)
+        depth_slope = -math.tan(cone)
         params[: kernel.CONE] = 0.0
     return result

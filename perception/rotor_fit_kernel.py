@@ -1,208 +1,353 @@
-"""Normal equations of the joint fit, compiled.
+"""The joint fit, compiled: normal equations of points and edges, and the robust iteration on them.
 
 Each datum is compared with the nearest visible piece of its blade's section (points) or with the
-section's outermost visible vertex (edges); residuals are along that piece's normal.
+section's outermost visible vertex (edges); residuals are along that piece's normal. The rows of one
+section share its six local motions (across, along the normal, turn, chord, pitch axis, thickness),
+so they are summed locally and spread to the rotor's parameters once a section.
 """
 
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numba
 import numpy as np
+from numpy.typing import NDArray
 
-from perception.voxel_hash import compiled
+from perception.values import Float
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile as `voxel_hash.compiled` does, sums reordered for speed; NaN keeps its meaning."""
+    flags = {"contract", "reassoc", "arcp", "nsz"}
+    wrapped: Callable[..., Any] = numba.njit(cache=True, nogil=True, fastmath=flags)(function)
+    return wrapped
+
 
 #: Order of the parameters. Hub shift right, down, along the normal; slope of depth along right and
-#: down (turn of the plane); stop angle; upwind cone; prebend scale; sag at the tip, metres; pitch
-#: of the three blades; then, a value at each knot of the span: chord (relative), pitch axis (share
-#: of the chord), thickness (relative), twist (radians), all as differences from the table.
-HX, HY, HZ, SR, SD, ANGLE, CONE, PREBEND, SAG, PITCH = range(10)
+#: down (turn of the plane); stop angle; upwind cone; two amplitudes of prebend; sag at the tip,
+#: metres; pitch of the three blades; what each bearing stands off an even 120 deg; then, a value at
+#: each knot of the span: chord (relative), pitch axis (share of the chord), thickness (relative),
+#: twist (radians), all as differences from the table.
+HX, HY, HZ, SR, SD, ANGLE, CONE, PREBEND, BEND, SAG, PITCH = range(11)
+SPACING = PITCH + 3
+CHORD = SPACING + 3
 KNOTS = 7
-#: Cosine of the steepest incidence at which a surface still returns.
-GRAZING = 0.12
-CHORD = 12
 AXIS = CHORD + KNOTS
 THICK = AXIS + KNOTS
 TWIST = THICK + KNOTS
 PARAMETERS = TWIST + KNOTS
 KNOT_SPAN = np.array([0.0, 0.06, 0.12, 0.19, 0.28, 0.45, 1.0])
+#: Cosine of the steepest incidence at which a surface still returns.
+GRAZING = 0.12
+#: A blade sags edgewise by this share of what it would flatwise.
+EDGE_SHARE = 0.25
+#: Parameters that move one section.
+TOUCHED = 20
+HUBER = 1.5
+#: Blades whose pitches differ by more than this are not held together, at a fixed cost.
+APART_RAD = math.radians(20.0)
+APART_COST = 25.0
+
+
+class Rows(NamedTuple):
+    """Data of the fit, M rows grouped by section; see `rotor_edges.BladeData`."""
+
+    blade: NDArray[np.int64]
+    r_m: Float
+    v_m: Float
+    w_m: Float
+    kind: NDArray[np.int64]
+    sight: Float
+    sigma_m: Float
+    middle_m: Float
+
+
+class Shape(NamedTuple):
+    """What the rows are compared with.
+
+    ``axes``: (3, 4), rows are (radial.right, radial.down, tangential.right, tangential.down);
+    ``station``: (S, 6) chord, twist, pitch axis, two prebend shapes, sag shape; ``x``, ``y``:
+    (S, V) outlines in chords. ``sense`` is 1 for rotors that turn clockwise seen from upwind.
+    """
+
+    axes: Float
+    station: Float
+    x: Float
+    y: Float
+    length_m: float
+    hub_radius_m: float
+    sense: float
+
+
+class Prior(NamedTuple):
+    """Mean (P,), information (P, P), and information on the difference of two blades' pitches."""
+
+    mean: Float
+    info: Float
+    pitch_info: float
 
 
 @compiled
-def normal_equations(  # type: ignore[no-untyped-def]  # compiled; called from rotor_fit alone
-    params,
-    blade,
-    r,
-    v,
-    w,
-    kind,
-    view,
-    sigma,
-    axes,
-    station,
-    x,
-    y,
-    length,
-    hub_radius,
-    sense,
-    huber,
-    reject,
-    out_jtj,
-    out_jtr,
-    out_residual,
-):
-    """Accumulate J'WJ and J'Wr; return the robust cost.
+def _knot(share: float) -> tuple[int, float]:
+    """Return the knot below a share of the span and the weight of the next."""
+    knot = 0
+    while knot < KNOTS - 2 and share > KNOT_SPAN[knot + 1]:
+        knot += 1
+    return knot, (share - KNOT_SPAN[knot]) / (KNOT_SPAN[knot + 1] - KNOT_SPAN[knot])
 
-    ``axes``: (3, 4), rows are (radial.right, radial.down, tangential.right, tangential.down);
-    ``station``: (S, 5) chord, twist, pitch axis, prebend, bend shape. ``sense`` is 1 for rotors
-    that turn clockwise seen from upwind.
+
+@compiled
+def _place(params, b, i, shape, q, local, touched, spread):  # type: ignore[no-untyped-def]  # compiled
+    """Place the section of blade ``b`` at station ``i``.
+
+    Fills its outline ``q`` (V, 2), ``local`` (to_le_v, to_le_w, to_ps_v, to_ps_w, chord, axis,
+    thickness scale, chord scale), the parameters that move it ``touched`` (TOUCHED,) and how:
+    ``spread`` (6, TOUCHED). Returns the station's radius and the slopes of v and w along it.
     """
-    out_jtj[:] = 0.0
-    out_jtr[:] = 0.0
-    cost = 0.0
-    stations, vertices = x.shape
-    index = np.zeros(PARAMETERS, np.int64)
-    q = np.zeros((vertices, 2))
-    row = np.zeros(PARAMETERS)
-    for m in range(len(r)):
-        b = blade[m]
-        position = (r[m] - hub_radius) / length * (stations - 1)
-        position = min(max(position, 0.0), stations - 1.001)
-        i = int(position)
-        f = position - i
-        near = i + 1 if f > 0.5 else i
-        c0 = station[i, 0] * (1 - f) + station[i + 1, 0] * f
-        t0 = station[i, 1] * (1 - f) + station[i + 1, 1] * f
-        x0 = station[i, 2] * (1 - f) + station[i + 1, 2] * f
-        p0 = station[i, 3] * (1 - f) + station[i + 1, 3] * f
-        s0 = station[i, 4] * (1 - f) + station[i + 1, 4] * f
-        pitch = params[PITCH + b]
-        share = position / (stations - 1)
-        knot = 0
-        while knot < KNOTS - 2 and share > KNOT_SPAN[knot + 1]:
-            knot += 1
-        h2 = (share - KNOT_SPAN[knot]) / (KNOT_SPAN[knot + 1] - KNOT_SPAN[knot])
-        h1 = 1.0 - h2
-        scale = 1.0 + h1 * params[CHORD + knot] + h2 * params[CHORD + knot + 1]
-        chord = c0 * scale
-        xa = x0 + h1 * params[AXIS + knot] + h2 * params[AXIS + knot + 1]
-        fat = 1.0 + h1 * params[THICK + knot] + h2 * params[THICK + knot + 1]
-        phi = pitch + t0 + h1 * params[TWIST + knot] + h2 * params[TWIST + knot + 1]
-        sp, cp = math.sin(pitch), math.cos(pitch)
-        s, c = math.sin(phi), math.cos(phi)
-        le_v, le_w = -sense * c, -s
-        ps_v, ps_w = sense * s, -c
-        er_r, er_d, et_r, et_d = axes[b, 0], axes[b, 1], axes[b, 2], axes[b, 3]
-        # Flatwise (pressure-side) share of the sag is the soft one; edgewise a quarter of it.
-        flat = et_d * (sense * sp)
-        edge = et_d * (-sense * cp)
-        bend_v = s0 * (flat * (sense * sp) + 0.25 * edge * (-sense * cp))
-        bend_w = s0 * (flat * (-cp) + 0.25 * edge * (-sp))
-        ax_v = (
-            params[HX] * et_r
-            + params[HY] * et_d
-            + r[m] * params[ANGLE]
-            + params[PREBEND] * p0 * (sense * sp)
-            + params[SAG] * bend_v
-        )
-        ax_w = (
-            params[HZ]
-            + r[m] * (params[SR] * er_r + params[SD] * er_d - params[CONE])
-            - params[PREBEND] * p0 * cp
-            + params[SAG] * bend_w
-        )
-        for k in range(vertices):
-            along = (xa - x[near, k]) * chord
-            up = -y[near, k] * chord * fat
-            q[k, 0] = ax_v + along * le_v + up * ps_v
-            q[k, 1] = ax_w + along * le_w + up * ps_w
-        # The nearest visible piece.
-        best, best_k, best_f = 1e18, -1, 0.0
-        for k in range(vertices):
-            k2 = k + 1 if k + 1 < vertices else 0
-            dv, dw = q[k2, 0] - q[k, 0], q[k2, 1] - q[k, 1]
-            size2 = dv * dv + dw * dw
-            # Outline runs TE, suction side, LE, pressure side: its outward normal is (dw, -dv).
-            facing = sense * (dw * view[m, 0] - dv * view[m, 1])
-            if facing >= 0.0 or facing * facing < GRAZING * GRAZING * size2 or size2 < 1e-12:
-                continue
-            if kind[m] == 0:
-                f2 = ((v[m] - q[k, 0]) * dv + (w[m] - q[k, 1]) * dw) / size2
-                f2 = min(max(f2, 0.0), 1.0)
-                e_v, e_w = v[m] - q[k, 0] - f2 * dv, w[m] - q[k, 1] - f2 * dw
-                distance = e_v * e_v + e_w * e_w
-                if distance < best:
-                    best, best_k, best_f = distance, k, f2
-            else:
-                turn = -1.0 if kind[m] == 2 else 1.0
-                if turn * q[k, 0] < best:
-                    best, best_k, best_f = turn * q[k, 0], k, 0.0
-                if turn * q[k2, 0] < best:
-                    best, best_k, best_f = turn * q[k2, 0], k, 1.0
-        if best_k < 0:
-            out_residual[m] = math.nan
+    sense = shape.sense
+    share = i / (len(shape.station) - 1.0)
+    r = shape.hub_radius_m + share * shape.length_m
+    knot, h2 = _knot(share)
+    h1 = 1.0 - h2
+    c0, t0, x0 = shape.station[i, 0], shape.station[i, 1], shape.station[i, 2]
+    p1, p2, s0 = shape.station[i, 3], shape.station[i, 4], shape.station[i, 5]
+    scale = 1.0 + h1 * params[CHORD + knot] + h2 * params[CHORD + knot + 1]
+    chord = c0 * scale
+    xa = x0 + h1 * params[AXIS + knot] + h2 * params[AXIS + knot + 1]
+    fat = 1.0 + h1 * params[THICK + knot] + h2 * params[THICK + knot + 1]
+    pitch = params[PITCH + b]
+    phi = pitch + t0 + h1 * params[TWIST + knot] + h2 * params[TWIST + knot + 1]
+    sp, cp = math.sin(pitch), math.cos(pitch)
+    s, c = math.sin(phi), math.cos(phi)
+    le_v, le_w, ps_v, ps_w = -sense * c, -s, sense * s, -c
+    er_r, er_d = shape.axes[b, 0], shape.axes[b, 1]
+    et_r, et_d = shape.axes[b, 2], shape.axes[b, 3]
+    # Flatwise (pressure-side) share of the sag is the soft one.
+    flat, edge = et_d * sense * sp, -et_d * sense * cp
+    bend_v = s0 * (flat * (sense * sp) + EDGE_SHARE * edge * (-sense * cp))
+    bend_w = s0 * (flat * (-cp) + EDGE_SHARE * edge * (-sp))
+    pre = params[PREBEND] * p1 + params[BEND] * p2
+    turn = params[ANGLE] + params[SPACING + b]
+    slope = params[SR] * er_r + params[SD] * er_d - params[CONE]
+    ax_v = params[HX] * et_r + params[HY] * et_d + r * turn + pre * sense * sp
+    ax_v += params[SAG] * bend_v
+    ax_w = params[HZ] + r * slope - pre * cp + params[SAG] * bend_w
+    for k in range(shape.x.shape[1]):
+        along = (xa - shape.x[i, k]) * chord
+        up = -shape.y[i, k] * chord * fat
+        q[k, 0] = ax_v + along * le_v + up * ps_v
+        q[k, 1] = ax_w + along * le_w + up * ps_w
+    local[0], local[1], local[2], local[3] = le_v, le_w, ps_v, ps_w
+    local[4], local[5], local[6], local[7] = chord, xa, fat, scale
+    spread[:] = 0.0
+    for j, index in enumerate((HX, HY, HZ, SR, SD, ANGLE, CONE, PREBEND, BEND, SAG)):
+        touched[j] = index
+    spread[0, 0], spread[0, 1], spread[1, 2] = et_r, et_d, 1.0
+    spread[1, 3], spread[1, 4], spread[0, 5], spread[1, 6] = r * er_r, r * er_d, r, -r
+    spread[0, 7], spread[1, 7] = p1 * sense * sp, -p1 * cp
+    spread[0, 8], spread[1, 8] = p2 * sense * sp, -p2 * cp
+    spread[0, 9], spread[1, 9] = bend_v, bend_w
+    touched[10], touched[11] = PITCH + b, SPACING + b
+    spread[0, 10], spread[1, 10], spread[2, 10] = pre * sense * cp, pre * sp, 1.0
+    spread[0, 11] = r
+    for j, first in enumerate((TWIST, CHORD, AXIS, THICK)):
+        touched[12 + 2 * j], touched[13 + 2 * j] = first + knot, first + knot + 1
+        spread[2 + j, 12 + 2 * j], spread[2 + j, 13 + 2 * j] = h1, h2
+    return r, turn, slope
+
+
+@compiled
+def _nearest(q, v, w, kind, view_v, view_w, sense):  # type: ignore[no-untyped-def]  # compiled
+    """Return the piece of the outline a datum belongs to (or -1) and the place on it."""
+    vertices = len(q)
+    best, best_k, best_f = 1e18, -1, 0.0
+    turn = -1.0 if kind == 2 else 1.0
+    for k in range(vertices):
+        k2 = k + 1 if k + 1 < vertices else 0
+        dv, dw = q[k2, 0] - q[k, 0], q[k2, 1] - q[k, 1]
+        # Outline runs TE, suction side, LE, pressure side: its outward normal is (dw, -dv).
+        facing = sense * (dw * view_v - dv * view_w)
+        if facing >= 0.0:
             continue
-        k, k2 = best_k, (best_k + 1) % vertices
-        if kind[m] != 0:
-            n_v, n_w = 1.0, 0.0
+        size2 = dv * dv + dw * dw
+        if facing * facing < GRAZING * GRAZING * size2 or size2 < 1e-12:
+            continue
+        if kind == 0:
+            e_v, e_w = v - q[k, 0], w - q[k, 1]
+            dot = e_v * dv + e_w * dw
+            f = 0.0
+            if dot > 0.0:
+                f = min(dot / size2, 1.0)
+                e_v -= f * dv
+                e_w -= f * dw
+            distance = e_v * e_v + e_w * e_w
+            if distance < best:
+                best, best_k, best_f = distance, k, f
         else:
+            if turn * q[k, 0] < best:
+                best, best_k, best_f = turn * q[k, 0], k, 0.0
+            if turn * q[k2, 0] < best:
+                best, best_k, best_f = turn * q[k2, 0], k, 1.0
+    return best_k, best_f
+
+
+@compiled
+def _flush(block, pull, touched, spread, half, jtj, jtr):  # type: ignore[no-untyped-def]  # compiled
+    """Spread one section's local sums (6, 6), (6,) to the rotor's parameters."""
+    half[:] = 0.0
+    for a in range(6):
+        for k in range(6):
+            weight = block[a, k] if a >= k else block[k, a]
+            for j in range(TOUCHED):
+                half[a, j] += weight * spread[k, j]
+    for i in range(TOUCHED):
+        into = touched[i]
+        for a in range(6):
+            share = spread[a, i]
+            if share != 0.0:
+                jtr[into] += share * pull[a]
+                for j in range(TOUCHED):
+                    jtj[into, touched[j]] += share * half[a, j]
+
+
+@compiled
+def normal_equations(params, rows, shape, reject, every, jtj, jtr, residual_out):  # type: ignore[no-untyped-def]  # compiled
+    """Accumulate J'WJ (P, P) and J'Wr (P,) of every ``every``-th row; return the robust cost.
+
+    ``reject``: rows further off than this many sigmas are let go at a fixed cost.
+    ``residual_out``: (M,) metres, NaN where no piece of the section is visible.
+    """
+    jtj[:] = 0.0
+    jtr[:] = 0.0
+    cost = 0.0
+    stations, vertices = shape.x.shape
+    q, local = np.zeros((vertices, 2)), np.zeros(8)
+    touched, spread = np.zeros(TOUCHED, np.int64), np.zeros((6, TOUCHED))
+    block, pull, row = np.zeros((6, 6)), np.zeros(6), np.zeros(6)
+    half = np.zeros((6, TOUCHED))
+    at_blade, at_station = -1, -1
+    r0, turn, slope = 0.0, 0.0, 0.0
+    for m in range(0, len(rows.r_m), every):
+        b = rows.blade[m]
+        share = (rows.middle_m[m] - shape.hub_radius_m) / shape.length_m
+        i = int(min(max(share, 0.0), 1.0) * (stations - 1) + 0.5)
+        if b != at_blade or i != at_station:
+            if at_blade >= 0:
+                _flush(block, pull, touched, spread, half, jtj, jtr)
+            block[:] = 0.0
+            pull[:] = 0.0
+            r0, turn, slope = _place(params, b, i, shape, q, local, touched, spread)
+            at_blade, at_station = b, i
+        off = rows.r_m[m] - r0
+        v, w, kind = rows.v_m[m] - off * turn, rows.w_m[m] - off * slope, rows.kind[m]
+        k, f = _nearest(q, v, w, kind, rows.sight[m, 0], rows.sight[m, 1], shape.sense)
+        if k < 0:
+            residual_out[m] = math.nan
+            continue
+        k2 = k + 1 if k + 1 < vertices else 0
+        q_v, q_w = q[k, 0] * (1 - f) + q[k2, 0] * f, q[k, 1] * (1 - f) + q[k2, 1] * f
+        e_v, e_w = v - q_v, w - q_w
+        n_v, n_w = 1.0, 0.0
+        if kind == 0:
             dv, dw = q[k2, 0] - q[k, 0], q[k2, 1] - q[k, 1]
             size = math.sqrt(dv * dv + dw * dw)
-            n_v, n_w = sense * dw / size, -sense * dv / size
-        q_v = q[k, 0] * (1 - best_f) + q[k2, 0] * best_f
-        q_w = q[k, 1] * (1 - best_f) + q[k2, 1] * best_f
-        if kind[m] == 0:
+            n_v, n_w = shape.sense * dw / size, -shape.sense * dv / size
             # Off the end of the outline the distance is to a vertex, not to a side.
-            e_v, e_w = v[m] - q_v, w[m] - q_w
             size = math.sqrt(e_v * e_v + e_w * e_w)
-            if (best_f == 0.0 or best_f == 1.0) and size > 1e-4:
-                turn = 1.0 if e_v * n_v + e_w * n_w >= 0 else -1.0
-                n_v, n_w = turn * e_v / size, turn * e_w / size
-        residual = n_v * (v[m] - q_v) + n_w * (w[m] - q_w)
-        out_residual[m] = residual
-        sx = x[near, k] * (1 - best_f) + x[near, k2] * best_f
-        sy = y[near, k] * (1 - best_f) + y[near, k2] * best_f
-        along, up = (xa - sx) * chord, -sy * chord * fat
-        turned_v = along * sense * s + up * sense * c
-        turned_w = -along * c + up * s
-        row[:] = 0.0
-        row[HX], row[HY], row[HZ] = n_v * et_r, n_v * et_d, n_w
-        row[SR], row[SD] = n_w * r[m] * er_r, n_w * r[m] * er_d
-        row[ANGLE], row[CONE] = n_v * r[m], -n_w * r[m]
-        row[PREBEND] = p0 * (sense * sp * n_v - cp * n_w)
-        row[SAG] = bend_v * n_v + bend_w * n_w
-        d_chord = (n_v * (along * le_v + up * ps_v) + n_w * (along * le_w + up * ps_w)) / scale
-        d_axis = chord * (n_v * le_v + n_w * le_w)
-        d_fat = -sy * chord * (n_v * ps_v + n_w * ps_w)
-        d_turn = n_v * turned_v + n_w * turned_w
-        row[CHORD + knot], row[CHORD + knot + 1] = h1 * d_chord, h2 * d_chord
-        row[AXIS + knot], row[AXIS + knot + 1] = h1 * d_axis, h2 * d_axis
-        row[THICK + knot], row[THICK + knot + 1] = h1 * d_fat, h2 * d_fat
-        row[TWIST + knot], row[TWIST + knot + 1] = h1 * d_turn, h2 * d_turn
-        row[PITCH + b] = (
-            n_v * turned_v + n_w * turned_w + params[PREBEND] * p0 * (sense * cp * n_v + sp * n_w)
-        )
-        z = abs(residual) / sigma[m]
+            if (f == 0.0 or f == 1.0) and size > 1e-4:
+                side = 1.0 if e_v * n_v + e_w * n_w >= 0 else -1.0
+                n_v, n_w = side * e_v / size, side * e_w / size
+        residual = n_v * e_v + n_w * e_w
+        residual_out[m] = residual
+        z = abs(residual) / rows.sigma_m[m]
         if z > reject:
-            cost += huber * (2 * reject - huber)
+            cost += HUBER * (2 * reject - HUBER)
             continue
-        if z <= huber:
-            weight, part = 1.0, z * z
-        else:
-            weight, part = huber / z, huber * (2 * z - huber)
-        cost += part
-        weight /= sigma[m] * sigma[m]
-        used = 0
-        for a in range(PARAMETERS):
-            if row[a] != 0.0:
-                index[used] = a
-                used += 1
-        for a in range(used):
-            wa = weight * row[index[a]]
-            out_jtr[index[a]] += wa * residual
+        weight = 1.0 if z <= HUBER else HUBER / z
+        cost += z * z if z <= HUBER else HUBER * (2 * z - HUBER)
+        weight /= rows.sigma_m[m] * rows.sigma_m[m]
+        sx = shape.x[i, k] * (1 - f) + shape.x[i, k2] * f
+        sy = shape.y[i, k] * (1 - f) + shape.y[i, k2] * f
+        n_le, n_ps = n_v * local[0] + n_w * local[1], n_v * local[2] + n_w * local[3]
+        along, up = (local[5] - sx) * local[4], -sy * local[4] * local[6]
+        row[0], row[1] = n_v, n_w
+        # A turn carries the leading edge towards the pressure side.
+        row[2] = along * n_ps - up * n_le
+        row[3] = (along * n_le + up * n_ps) / local[7]
+        row[4] = local[4] * n_le
+        row[5] = -sy * local[4] * n_ps
+        for a in range(6):
+            wa = weight * row[a]
+            pull[a] += wa * residual
             for d in range(a + 1):
-                out_jtj[index[a], index[d]] += wa * row[index[d]]
-    for a in range(PARAMETERS):
-        for d in range(a):
-            out_jtj[d, a] = out_jtj[a, d]
+                block[a, d] += wa * row[d]
+    if at_blade >= 0:
+        _flush(block, pull, touched, spread, half, jtj, jtr)
+    return cost
+
+
+@compiled
+def _couple(params, info, jtj, jtr):  # type: ignore[no-untyped-def]  # compiled
+    """Add what binds the pitches of the blades to each other; return its share of the cost."""
+    cost = 0.0
+    for a in range(3):
+        i, j = PITCH + a, PITCH + (a + 1) % 3
+        gap = params[i] - params[j]
+        if abs(gap) > APART_RAD:
+            cost += APART_COST
+            continue
+        cost += min(gap * gap * info, APART_COST)
+        jtj[i, i] += info
+        jtj[j, j] += info
+        jtj[i, j] -= info
+        jtj[j, i] -= info
+        jtr[i] -= gap * info
+        jtr[j] += gap * info
+    return cost
+
+
+@compiled
+def system(params, rows, shape, prior, reject, every, jtj, jtr, residual_out):  # type: ignore[no-untyped-def]  # compiled
+    """Accumulate the whole system, priors included; return the cost."""
+    cost = normal_equations(params, rows, shape, reject, every, jtj, jtr, residual_out)
+    cost += _couple(params, prior.pitch_info, jtj, jtr)
+    off = params - prior.mean
+    pulled = prior.info @ off
+    jtj += prior.info
+    jtr -= pulled
+    return cost + off @ pulled
+
+
+@compiled
+def settle(params, rows, shape, prior, held, iterations, reject, every):  # type: ignore[no-untyped-def]  # compiled
+    """Iterate ``params`` in place; return the last cost evaluated.
+
+    ``held``: (P,) additional stiffness (large: not moved).
+    """
+    jtj, jtr = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(PARAMETERS)
+    residual = np.zeros(len(rows.r_m))
+    cost = 0.0
+    for _ in range(iterations):
+        cost = system(params, rows, shape, prior, reject, every, jtj, jtr, residual)
+        for k in range(PARAMETERS):
+            jtj[k, k] += held[k] + 1e-9
+        step = np.linalg.solve(jtj, jtr)
+        settled = True
+        for k in range(PARAMETERS):
+            limit = 1.0 if k < SR or k == SAG else 0.3
+            step[k] = min(max(step[k], -limit), limit)
+            params[k] += step[k]
+            if CHORD <= k < AXIS:
+                params[k] = min(max(params[k], -0.4), 0.5)
+            elif THICK <= k < TWIST:
+                params[k] = min(max(params[k], -0.5), 0.7)
+            quiet = 2e-3 if PITCH <= k < SPACING else 1e-4 if k < PREBEND else 1.0
+            settled = settled and abs(step[k]) < quiet
+        if settled:
+            break
     return cost

@@ -9,9 +9,20 @@ import numpy as np
 from config.turbine import Turbine
 from perception import rotor_fit_kernel as kernel
 from perception.blade_section import SectionTable, generic_sections, published_sections
+from perception.rotor_fit_kernel import Prior
 from perception.values import Float
 
 DEFAULT_RADIUS_M = 50.0
+PITCH_SPREAD_RAD = math.radians(1.3)
+"""Blades of one rotor rarely stand further apart; far more than this and they are let go."""
+SPACING_RAD = math.radians(0.1)
+"""Of a blade bearing about its even 120 deg."""
+SAG_EXPONENT = 2.3
+"""Of a tapered cantilever under its own weight; an even one has about 1.6."""
+PREBEND_EARLY = (0.010, 0.012)
+PREBEND_LATE = (0.022, 0.018)
+"""Mean and spread of the amplitudes of s^2 and s^4, as shares of the length, over the published
+blades: straight ones to IEA-10-198."""
 #: Standard deviations of chord, pitch axis, thickness and twist: common to the span, and free along
 #: it. The free ones are the spread of the published blades about the generic one.
 FREE_SHAPE = ((0.07, 0.09), (0.02, 0.03), (0.08, 0.15), (math.radians(1.0), math.radians(2.5)))
@@ -27,26 +38,29 @@ def sections_of(turbine: Turbine | None, radius_m: float | None) -> tuple[Sectio
     return generic_sections(radius_m), False
 
 
-def station_columns(table: SectionTable) -> Float:
-    """Return (S, 5) chord, twist, pitch axis, prebend and shape of the sag."""
+def station_columns(table: SectionTable, published: bool) -> Float:
+    """Return (S, 6) chord, twist, pitch axis, two shapes of prebend, and shape of the sag."""
     s = np.linspace(0.0, 1.0, len(table.chord_m))
-    bend = s**2 * (6 - 4 * s + s**2) / 3  # a cantilever under an even load, 1 at the tip
+    late = table.length_m * s**4
+    prebend = table.prebend_m if published else table.length_m * s**2
     return np.stack(
-        [table.chord_m, table.twist_rad, table.pitch_axis, table.prebend_m, bend], axis=1
+        [table.chord_m, table.twist_rad, table.pitch_axis, prebend, late, s**SAG_EXPONENT], axis=1
     )
 
 
-def parameter_prior(published: bool, turbine: Turbine | None, radius: float) -> tuple[Float, Float]:
-    """Return the mean (P,) and information matrix (P, P) of the parameters."""
+def parameter_prior(published: bool, turbine: Turbine | None, length_m: float) -> Prior:
+    """Return what is known of the parameters before a cloud is seen."""
     k = kernel
     mean, sigma = np.zeros(k.PARAMETERS), np.full(k.PARAMETERS, 1e3)
-    mean[k.PREBEND] = 1.0
     mean[k.CONE] = math.radians(turbine.cone_deg if published and turbine else 2.5)
     sigma[k.CONE] = math.radians(0.5 if published else 2.0)
-    mean[k.SAG] = 0.0175 * radius * radius / 65.0
-    sigma[k.SAG] = 0.35 * mean[k.SAG]
-    sigma[k.PREBEND] = 0.05 if published else 0.6
-    mean[k.PITCH : k.CHORD], sigma[k.PITCH : k.CHORD] = math.radians(45), math.radians(120)
+    mean[k.PREBEND], sigma[k.PREBEND] = (1.0, 0.05) if published else PREBEND_EARLY
+    mean[k.BEND], sigma[k.BEND] = (0.0, 0.002) if published else PREBEND_LATE
+    mean[k.SAG] = 0.9 * (length_m / 60.0) ** 1.78
+    sigma[k.SAG] = 0.4 * mean[k.SAG]
+    mean[k.PITCH : k.SPACING] = math.radians(45)
+    sigma[k.PITCH : k.SPACING] = math.radians(120)
+    sigma[k.SPACING : k.CHORD] = SPACING_RAD
     info = np.diag(1.0 / sigma**2)
     for first, (together, apart) in zip(
         (k.CHORD, k.AXIS, k.THICK, k.TWIST), KNOWN_SHAPE if published else FREE_SHAPE, strict=True
@@ -59,4 +73,4 @@ def parameter_prior(published: bool, turbine: Turbine | None, radius: float) -> 
             spread = spread * np.outer(calm, calm)
         block = slice(first, first + k.KNOTS)
         info[block, block] = np.linalg.inv(spread)
-    return mean, info
+    return Prior(mean, info, 1.0 / (3.0 * PITCH_SPREAD_RAD**2))
