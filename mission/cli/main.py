@@ -48,13 +48,17 @@ def _options(
     """Inspect the blades of a stopped wind turbine by drone."""
 
 
+#: What the command-line library says by itself: a question that nobody answered, Ctrl-C.
+_OURS = {1: Exit.CONFIGURATION, 130: Exit.UNFINISHED}
+
+
 def run() -> None:
     """Entry point: no traceback reaches a user."""
     try:
         app()
-    except KeyboardInterrupt:
-        typer.echo("interrupted", err=True)
-        sys.exit(int(Exit.UNFINISHED))
+    except SystemExit as ended:
+        code = ended.code
+        sys.exit(_OURS.get(code, code) if isinstance(code, int) else code)
     except Exception as error:  # noqa: BLE001 - the last line of defence; logged in full below
         log_file = Path("bladescout-error.log")
         import traceback

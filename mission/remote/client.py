@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import logging
 import socket
 import uuid
 from collections.abc import Callable
 from types import TracebackType
-from typing import Self
+from typing import Self, TypeVar
+
+from pydantic import ValidationError
 
 from config.links import Bus as BusSettings
 from drivers.bus import Bus, BusUnreachable, Key, Sample
 from mission.flight.observation import RequestKind
 from mission.remote.messages import (
     EventMessage,
+    Message,
     PlainRequest,
     RecordedMessage,
     Reply,
@@ -20,6 +24,9 @@ from mission.remote.messages import (
     StateMessage,
 )
 
+log = logging.getLogger(__name__)
+
+Heard = TypeVar("Heard", bound=Message)
 _PROBE_S = 3.0
 
 
@@ -108,21 +115,22 @@ class Client:
         on_recorded: Callable[[RecordedMessage], None] | None = None,
     ) -> None:
         """Call back with every state and event from now on (on the bus's thread)."""
+        self._hear(Key.STATE, StateMessage, on_state)
+        if on_event is not None:
+            self._hear(Key.EVENT, EventMessage, on_event)
+        if on_recorded is not None:
+            self._hear(Key.RECORDED, RecordedMessage, on_recorded)
 
-        def state(sample: Sample) -> None:
-            on_state(StateMessage.model_validate_json(sample.payload))
+    def _hear(self, key: Key, kind: type[Heard], tell: Callable[[Heard], None]) -> None:
+        def take(sample: Sample) -> None:
+            try:
+                message = kind.model_validate_json(sample.payload)
+            except ValidationError as error:
+                log.warning("%s was not understood: %s", key, error)
+                return
+            tell(message)
 
-        def event(sample: Sample) -> None:
-            if on_event is not None:
-                on_event(EventMessage.model_validate_json(sample.payload))
-
-        def recorded(sample: Sample) -> None:
-            if on_recorded is not None:
-                on_recorded(RecordedMessage.model_validate_json(sample.payload))
-
-        self._bus.subscribe(Key.STATE, state)
-        self._bus.subscribe(Key.EVENT, event)
-        self._bus.subscribe(Key.RECORDED, recorded)
+        self._bus.subscribe(key, take)
 
     def _plain(self, name: str) -> Reply:
         return self._ask(f"rpc/{name}", PlainRequest(id=uuid.uuid4().hex).model_dump_json())
