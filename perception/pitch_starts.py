@@ -1,4 +1,9 @@
-"""Starts of the fit: the pitches worth a full fit, and blades that stand apart."""
+"""Which pitches to start the joint fit from, and which of the settled fits to believe.
+
+A section seen from one side has several pitches that look alike at first; settled, the right one
+is far cheaper. So: every common pitch is tried with the shape held, the best few are settled in
+full, and a blade that fits much worse than its fellows is tried a quarter turn from them.
+"""
 
 from __future__ import annotations
 
@@ -7,60 +12,101 @@ import math
 import numpy as np
 
 from perception import rotor_fit_kernel as kernel
-from perception.rotor_edges import BladeData
-from perception.rotor_solver import RotorSolver
+from perception.rotor_solver import REJECT, RotorSolver
 from perception.values import Float
 
-RUNNER_UP = 2.0
-"""A second start is fitted in full where its cost is below this many times the first's."""
-PITCH_STARTS_DEG = (-3.0, 12.0, 28.0, 45.0, 62.0, 78.0, 92.0)
+PITCHES = slice(kernel.PITCH, kernel.SPACING)
+PITCH_STARTS_DEG = (-4.0, 10.0, 24.0, 38.0, 52.0, 66.0, 80.0, 94.0)
+FULL_STARTS = 3
+APART_RAD = math.radians(9.0)
+ROWS_OF_A_START = 450
+HOPS_RAD = (math.radians(14.0), math.radians(-14.0))
+POOR = 0.8
+"""Mean cost a row of a blade above which one may stand apart from the others."""
 
 
-def start_pitches(solver: RotorSolver, params: Float, data: BladeData) -> list[Float]:
-    """Return the starts worth fitting in full: the best common pitch and a different runner-up."""
-    every = max(1, len(data.rows.r_m) // 500)
+def best_start(solver: RotorSolver, params: Float) -> tuple[Float, float]:
+    """Return the parameters of the cheapest settled fit, and the cost of the next best pitch."""
+    fitted = [solver.run(guess, 8) for guess in _common_pitches(solver, params)]
+    costs = [solver.cost(guess) for guess in fitted]
+    order = np.argsort(costs)
+    best = _with_odd_blade(solver, _hopped(solver, fitted[order[0]], costs[order[0]]))
+    cost = solver.cost(best)
+    pitch = float(np.median(best[PITCHES]))
+    rivals = [
+        costs[k]
+        for k in order
+        if abs(float(np.median(fitted[k][PITCHES])) - pitch) > APART_RAD and costs[k] > cost
+    ]
+    return best, min(rivals, default=math.inf)
+
+
+def _common_pitches(solver: RotorSolver, params: Float) -> list[Float]:
+    """Return the best few of the common pitches, shape held, pitches bound together."""
+    every = max(1, len(solver.rows.r_m) // ROWS_OF_A_START)
     held = np.zeros(kernel.PARAMETERS)
-    held[kernel.CONE : kernel.PITCH] = 1e8
+    held[kernel.CONE : kernel.PITCH] = 1e6
     held[kernel.SPACING :] = 1e8
     tries: list[tuple[float, Float]] = []
     for start in PITCH_STARTS_DEG:
         guess = params.copy()
-        guess[kernel.PITCH : kernel.SPACING] = math.radians(start)
-        guess = solver.run(guess, 5, held, 12.0, every)
+        guess[PITCHES] = math.radians(start)
+        guess = solver.run(guess, 4, held, 12.0, every, bound=True)
         tries.append((solver.cost(guess, 12.0, every), guess))
     tries.sort(key=lambda t: t[0])
-    best = tries[0][1]
-    pitches = slice(kernel.PITCH, kernel.SPACING)
-    others = [
-        guess
-        for cost, guess in tries[1:]
-        if abs(float(np.median(guess[pitches]) - np.median(best[pitches]))) > math.radians(10)
-        and cost < RUNNER_UP * tries[0][0]
-    ]
-    # A blade may stand apart from the other two.
-    for b in range(3):
-        options = [best]
-        for start in (0.0, 45.0, 88.0):
-            if abs(math.degrees(best[kernel.PITCH + b]) - start) > 25:
-                guess = best.copy()
-                guess[kernel.PITCH + b] = math.radians(start)
-                options.append(solver.run(guess, 4, held, 12.0, every))
-        best = min(options, key=lambda g: solver.cost(g, 12.0, every))
-    return [best, *others[:1]]
+    chosen: list[Float] = []
+    for _, guess in tries:
+        apart = [abs(float((guess - other)[PITCHES].mean())) > APART_RAD for other in chosen]
+        if all(apart):
+            chosen.append(guess)
+    return chosen[:FULL_STARTS]
 
 
-def regroup(solver: RotorSolver, params: Float) -> Float:
-    """Return the better of the fit and those with one blade's pitch put to the other two's."""
-    best, best_cost = params, solver.cost(params)
-    for b in range(3):
-        others = [kernel.PITCH + (b + 1) % 3, kernel.PITCH + (b + 2) % 3]
-        target = float(params[others].mean())
-        if abs(params[kernel.PITCH + b] - target) < math.radians(8):
-            continue
-        guess = params.copy()
-        guess[kernel.PITCH + b] = target
-        guess = solver.run(guess, 12)
-        cost = solver.cost(guess)
-        if cost < best_cost:
-            best, best_cost = guess, cost
+def _hopped(solver: RotorSolver, params: Float, cost: float) -> Float:
+    """Return the cheapest fit within a few hops of pitch.
+
+    What is visible changes with the pitch, and each change leaves a ridge that a step does not
+    cross: a hop does.
+    """
+    best = params
+    for hop in HOPS_RAD:
+        while True:
+            guess = best.copy()
+            guess[PITCHES] += hop
+            guess = solver.run(guess, 7)
+            other = solver.cost(guess)
+            if other > cost - 1.0 or (guess - best)[PITCHES].mean() * hop <= 0.0:
+                break
+            best, cost = guess, other
+    return best
+
+
+def blade_costs(solver: RotorSolver, residual_m: Float) -> Float:
+    """Return each blade's mean robust cost a row (3,), NaN where it has none."""
+    z = np.abs(residual_m) / solver.rows.sigma_m
+    z = np.where(np.isfinite(z), np.minimum(z, REJECT), REJECT)
+    cost = np.where(z < kernel.HUBER, z * z, kernel.HUBER * (2 * z - kernel.HUBER))
+    shares = [cost[solver.rows.blade == b] for b in range(3)]
+    return np.array([share.mean() if len(share) else math.nan for share in shares])
+
+
+def _with_odd_blade(solver: RotorSolver, params: Float) -> Float:
+    """Return the better of the fit and those with one blade a quarter turn from the others."""
+    _, cost, residual = solver.last(params)
+    if not np.nanmax(blade_costs(solver, residual)) > POOR:
+        return params
+    best = params
+    common = float(np.median(params[PITCHES]))
+    for blade in range(3):
+        for turn in (-math.pi / 2, math.pi / 2):
+            if not math.radians(-20) < common + turn < math.radians(140):
+                continue
+            guess = params.copy()
+            guess[PITCHES] = common
+            guess[kernel.PITCH + blade] += turn
+            guess[kernel.CHORD :] = solver.prior.mean[kernel.CHORD :]
+            guess = solver.run(guess, 10)
+            other = solver.cost(guess)
+            if other < cost:
+                best, cost = guess, other
     return best

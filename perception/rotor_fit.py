@@ -16,7 +16,7 @@ from config.turbine import Turbine
 from perception import rotor_fit_kernel as kernel
 from perception.blade_section import SectionTable
 from perception.coarse_rotor import CoarseRotor, rotor_planes, three_arms
-from perception.pitch_starts import regroup, start_pitches
+from perception.pitch_starts import best_start
 from perception.rotor import (
     Refusal,
     RefusalCode,
@@ -31,6 +31,7 @@ from perception.rotor_cloud import about_prior, usable_points
 from perception.rotor_edges import blade_axes, collect_blades
 from perception.rotor_fit_kernel import Shape
 from perception.rotor_prior import parameter_prior, sections_of, station_columns
+from perception.rotor_skeleton import straighten
 from perception.rotor_solver import RotorSolver
 from perception.tower_reference import tower_reference
 from perception.values import Float
@@ -71,7 +72,8 @@ def fit_rotor(
     if isinstance(coarse, Refusal):
         return coarse
     sense = -1.0 if turbine is not None and turbine.rotation == "counter-clockwise" else 1.0
-    state = _fit(points, eye, coarse, down, table, published, turbine, sense)
+    coarse, cone = straighten(points, coarse, down, radius, prior_normal_w)
+    state = _fit(points, eye, coarse, cone, down, table, published, turbine, sense)
     if isinstance(state, Refusal):
         return state
     tower = (
@@ -118,6 +120,7 @@ def _fit(
     points: Float,
     eye: Float,
     coarse: CoarseRotor,
+    cone: float,
     down: Float,
     table: SectionTable,
     published: bool,
@@ -128,13 +131,14 @@ def _fit(
     station = station_columns(table, published)
     prior = parameter_prior(published, turbine, table.length_m)
     params = prior.mean.copy()
+    params[kernel.CONE] = cone
     hub, normal, angle = coarse.hub_w, coarse.normal_w, coarse.angle_rad
-    depth_slope: float | None = None
+    depth_slope: float | None = -math.tan(cone)
     rounds = 3
     result: FitState | Refusal = Refusal(RefusalCode.NOT_CONVERGED, "the fit did not settle")
     for attempt in range(rounds):
         radial, tangential = blade_axes(normal, down, angle)
-        wide = 1.2 + 0.045 * radius if attempt == 0 else 0.5 + 0.055 * radius
+        wide = 0.8 + 0.055 * radius if attempt == 0 else 0.5 + 0.055 * radius
         gate = (wide, 1.5 + 0.03 * radius, 0.5 + 0.052 * radius)
         data = collect_blades(
             points,
@@ -163,8 +167,7 @@ def _fit(
         )  # fmt: skip
         solver = RotorSolver(data.rows, shape, prior)
         if attempt == 0:
-            fitted = [solver.run(start, 10) for start in start_pitches(solver, params, data)]
-            params = regroup(solver, min(fitted, key=solver.cost))
+            params, _ = best_start(solver, params)
         else:
             params = solver.run(params, 10)
         jtj, cost, residuals = solver.last(params)

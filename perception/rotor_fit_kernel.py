@@ -325,18 +325,20 @@ def system(params, rows, shape, prior, reject, every, jtj, jtr, residual_out):  
 
 @compiled
 def settle(params, rows, shape, prior, held, iterations, reject, every):  # type: ignore[no-untyped-def]  # compiled
-    """Iterate ``params`` in place; return the last cost evaluated.
+    """Iterate ``params`` in place (Levenberg-Marquardt); return the least cost found.
 
     ``held``: (P,) additional stiffness (large: not moved).
     """
     jtj, jtr = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(PARAMETERS)
     residual = np.zeros(len(rows.r_m))
-    cost = 0.0
+    cost = system(params, rows, shape, prior, reject, every, jtj, jtr, residual)
+    damping = 1e-3
     for _ in range(iterations):
-        cost = system(params, rows, shape, prior, reject, every, jtj, jtr, residual)
+        damped = jtj.copy()
         for k in range(PARAMETERS):
-            jtj[k, k] += held[k] + 1e-9
-        step = np.linalg.solve(jtj, jtr)
+            damped[k, k] += held[k] + 1e-9 + damping * jtj[k, k]
+        step = np.linalg.solve(damped, jtr)
+        before = params.copy()
         settled = True
         for k in range(PARAMETERS):
             limit = 1.0 if k < SR or k == SAG else 0.3
@@ -350,4 +352,12 @@ def settle(params, rows, shape, prior, held, iterations, reject, every):  # type
             settled = settled and abs(step[k]) < quiet
         if settled:
             break
+        after = system(params, rows, shape, prior, reject, every, jtj, jtr, residual)
+        if after <= cost:
+            cost, damping = after, max(0.2 * damping, 1e-6)
+            continue
+        # What is visible changes with the pitch: a step may well go uphill, and is taken back.
+        params[:] = before
+        damping = min(max(10.0 * damping, 1e-2), 1e3)
+        cost = system(params, rows, shape, prior, reject, every, jtj, jtr, residual)
     return cost

@@ -56,6 +56,8 @@ def parameter_prior(published: bool, turbine: Turbine | None, length_m: float) -
     sigma[k.CONE] = math.radians(0.5 if published else 2.0)
     mean[k.PREBEND], sigma[k.PREBEND] = (1.0, 0.05) if published else PREBEND_EARLY
     mean[k.BEND], sigma[k.BEND] = (0.0, 0.002) if published else PREBEND_LATE
+    # Of what the skeleton says of the plane.
+    sigma[k.SR], sigma[k.SD] = 0.05, 0.05
     mean[k.SAG] = 0.9 * (length_m / 60.0) ** 1.78
     sigma[k.SAG] = 0.4 * mean[k.SAG]
     mean[k.PITCH : k.SPACING] = math.radians(45)

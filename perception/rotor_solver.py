@@ -12,6 +12,10 @@ REJECT = 7.0
 """Rows further off than this many of their sigmas are let go."""
 
 
+BOUND_INFO = 1e5
+"""Holds three pitches together, as one."""
+
+
 class RotorSolver:
     """The fit on one set of rows; ``free`` holds no parameter."""
 
@@ -38,11 +42,17 @@ class RotorSolver:
         held: Float | None = None,
         reject: float = REJECT,
         every: int = 1,
+        *,
+        bound: bool = False,
     ) -> Float:
-        """Return the parameters settled from ``params``; ``held``: (P,) additional stiffness."""
+        """Return the parameters settled from ``params``.
+
+        ``held``: (P,) additional stiffness; ``bound``: the blades' pitches go together.
+        """
         settled = params.copy()
         stiff = self._free if held is None else held
-        kernel.settle(settled, self.rows, self.shape, self.prior, stiff, iterations, reject, every)
+        prior = self.prior._replace(pitch_info=BOUND_INFO) if bound else self.prior
+        kernel.settle(settled, self.rows, self.shape, prior, stiff, iterations, reject, every)
         return settled
 
     def last(self, params: Float) -> tuple[Float, float, Float]:
