@@ -46,7 +46,14 @@ def _bar(share: float | None, width: int = 18) -> RenderableType:
 class LiveProgress:
     """Shows the newest state; on a terminal in place, elsewhere a line every few seconds."""
 
-    def __init__(self, console: Console, title: str, *, silent: bool = False) -> None:
+    def __init__(
+        self,
+        console: Console,
+        title: str,
+        *,
+        waits_for: str = "waiting for a state",
+        silent: bool = False,
+    ) -> None:
         self._console = console
         self._title = title
         self._silent = silent
@@ -54,7 +61,10 @@ class LiveProgress:
         self._phase = ""
         self._last_line = 0.0
         interactive = console.is_terminal and not silent
-        self._live = Live(console=console, refresh_per_second=8) if interactive else None
+        waiting = Text(f"{title}: {waits_for} ...", style="italic")
+        self._live = Live(waiting, console=console, refresh_per_second=8) if interactive else None
+        if not interactive and not silent:
+            console.print(waiting)
 
     def __enter__(self) -> Self:
         if self._live is not None:

@@ -59,7 +59,12 @@ def simulate_command(
     settings = _load(scenario, overrides)
     _make_room(Path(settings.missions_dir), keep)
     console = Console(file=sys.stderr if as_json else sys.stdout)
-    progress = LiveProgress(console, f"bladescout - {Path(scenario).stem}", silent=as_json)
+    progress = LiveProgress(
+        console,
+        f"bladescout - {Path(scenario).stem}",
+        waits_for="starting the world, its sensors and the daemon",
+        silent=as_json,
+    )
     try:
         with progress:
             outcome = simulate(settings, progress.on_state, progress.on_event, keep_run_dir=keep)

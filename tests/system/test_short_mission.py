@@ -2,9 +2,9 @@
 
 import dataclasses
 import json
-import os
 import struct
 
+import psutil
 import pytest
 from mcap.reader import make_reader
 
@@ -107,7 +107,7 @@ def secrets_of(flown):
 
 def test_at_real_time_setpoints_arrive_without_gaps_and_an_abort_comes_home(fly):
     """The mission's time is bounded to the climb: the client aborts it there."""
-    if os.getloadavg()[0] > 1.5 * (os.cpu_count() or 1):
+    if psutil.cpu_percent(interval=2.0) > 50.0:
         pytest.skip("other work keeps this machine busy: a claim about time would mean nothing")
     flown = fly("--seed", "1", "--speed", "1", "--set", "simulation.max_duration_s=24", *SETTINGS)
     assert flown.run.code == 4, flown.run.stderr

@@ -79,10 +79,11 @@ def test_away_from_a_terminal_a_line_is_printed_at_each_change_of_phase():
         for phase in (Phase.ASCEND, Phase.ASCEND, Phase.TRACK):
             progress.on_state(state(phase=phase))
     lines = console.file.getvalue().splitlines()
-    assert len(lines) == 2
-    assert "ascend" in lines[0]
-    assert "height 86 m" in lines[1]
-    assert "battery 92%" in lines[1]
+    assert len(lines) == 3
+    assert lines[0] == "x: waiting for a state ..."
+    assert "ascend" in lines[1]
+    assert "height 86 m" in lines[2]
+    assert "battery 92%" in lines[2]
 
 
 def test_events_that_matter_are_printed_and_a_silent_one_prints_nothing():
@@ -95,7 +96,7 @@ def test_events_that_matter_are_printed_and_a_silent_one_prints_nothing():
                 progress.on_event(event)
             if silent:
                 progress.on_state(state())
-        assert console.file.getvalue() == wanted
+        assert console.file.getvalue().removeprefix("x: waiting for a state ...\n") == wanted
 
 
 def test_the_closing_table_fits_80_columns_and_says_why_a_mission_ended(tmp_path):
