@@ -102,5 +102,12 @@ try:
 except Open3dUnavailable as error:
     sys.exit(f"error: {error}")
 '
+say "Compiling the numerical kernels, once (about a minute)"
+"$venv/bin/python" -c '
+from config.settings import Settings
+from perception.warm_up import warm_up_estimation, warm_up_tracking
+warm_up_tracking()
+warm_up_estimation(Settings())
+'
 printf '%s\n' "$wanted" >"$stamp"
 say "The environment is ready: $venv"

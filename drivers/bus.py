@@ -42,6 +42,7 @@ class Key(StrEnum):
     BLADE = "perception/blade"
     EXPOSURE = "perception/exposure"
     SENSING = "perception/health"
+    READY = "perception/ready"
     STATE = "mission/state"
     EVENT = "mission/event"
     OBSERVATION = "mission/observation"

@@ -25,6 +25,7 @@ from perception.hub_prior import SurveyResult, TowerSurvey
 from perception.rotor import Refusal, Rotor
 from perception.rotor_motion import RotorMotionWatch
 from perception.values import Float, Scan
+from perception.warm_up import warm_up_estimation
 
 SURVEY_PERIOD_S = 1.0
 PRIOR_PERIOD_S = 0.5
@@ -73,6 +74,14 @@ class EstimationWorker:
 
     async def run(self) -> None:
         """Work through the newest scan, again and again, until cancelled."""
+        warm_up_estimation(self._settings)
+        ready = asyncio.create_task(self._inbox.say_ready("estimation"))
+        try:
+            await self._work()
+        finally:
+            ready.cancel()
+
+    async def _work(self) -> None:
         while True:
             self._take(await self._inbox.next_scan())
             await asyncio.sleep(0)

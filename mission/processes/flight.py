@@ -375,6 +375,7 @@ class Flight:
             reading,
             self._parameters,
             self._inputs.sensing,
+            self._inputs.ready,
             Path(intent.mission_dir),
         )
 

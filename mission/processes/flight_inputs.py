@@ -25,7 +25,7 @@ from mission.flight.observation import (
     RotorEstimate,
     Vehicle,
 )
-from mission.remote.messages import PhotoResultMessage, SensingHealth
+from mission.remote.messages import PhotoResultMessage, ReadyMessage, SensingHealth
 
 Part = TypeVar("Part")
 
@@ -49,6 +49,8 @@ class FlightInputs:
         self.blade: BladeTrack | None = None
         self.exposure: ExposureState | None = None
         self.sensing: SensingHealth | None = None
+        self.ready: set[str] = set()
+        """Perception workers that can work."""
         self.surroundings: Surroundings = NOTHING_AROUND
         self.frames = 0
         self.frames_out_of_range = 0
@@ -61,6 +63,7 @@ class FlightInputs:
         bus.subscribe_newest(Key.BLADE, self._take_blade)
         bus.subscribe_newest(Key.EXPOSURE, self._take_exposure)
         bus.subscribe_newest(Key.SENSING, self._take_sensing)
+        bus.subscribe(Key.READY, self._take_ready)
         bus.subscribe(Key.PHOTO_RESULT, self._take_photo_result)
 
     def forget(self) -> None:
@@ -103,6 +106,9 @@ class FlightInputs:
 
     def _take_sensing(self, sample: Sample) -> None:
         self.sensing = SensingHealth.model_validate_json(sample.payload)
+
+    def _take_ready(self, sample: Sample) -> None:
+        self.ready.add(ReadyMessage.model_validate_json(sample.payload).name)
 
     def _take_occupancy(self, sample: Sample) -> None:
         try:

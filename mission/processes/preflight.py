@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import shutil
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from config.settings import Settings
@@ -21,6 +21,7 @@ MIN_FREE_BYTES = 2 << 30
 MIN_BATTERY = 0.5
 MAX_EPH_M = 3.0
 MARGIN_OVER_TIP_M = 20.0
+WORKERS = ("tracking", "estimation")
 PARAMETERS = (
     "COM_OBL_RC_ACT",
     "COM_OF_LOSS_T",
@@ -72,6 +73,7 @@ def preflight_items(
     vehicle: VehicleReading | None,
     parameters: Mapping[str, float],
     sensing: SensingHealth | None,
+    workers_ready: Collection[str],
     mission_dir: Path,
 ) -> tuple[PreflightItem, ...]:
     """Return every check, passed or not."""
@@ -95,8 +97,17 @@ def preflight_items(
             "" if camera else "check the camera and camera.stream_url",
         )
     )
+    items.append(_workers(workers_ready))
     items.append(_disk(mission_dir))
     return tuple(items)
+
+
+def _workers(ready: Collection[str]) -> PreflightItem:
+    missing = [name for name in WORKERS if name not in ready]
+    if not missing:
+        return PreflightItem("perception", True, "ready")
+    text = f"{' and '.join(missing)} still compile their kernels (once on a new machine)"
+    return PreflightItem("perception", False, text, "wait; it takes under a minute")
 
 
 def _vehicle(vehicle: VehicleReading | None) -> PreflightItem:

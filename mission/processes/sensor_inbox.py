@@ -15,7 +15,7 @@ from drivers.clock import Clock
 from drivers.codecs import BadMessage, decode_scan
 from mission.flight.command import SensingMode, SensingTask
 from mission.flight.observation import CameraState, GimbalState
-from mission.remote.messages import VehicleMessage
+from mission.remote.messages import ReadyMessage, VehicleMessage
 from perception.values import Pose, Scan
 
 log = logging.getLogger(__name__)
@@ -29,6 +29,7 @@ class SensorInbox:
     """Newest scan, recent poses, gimbal and camera states, and the sensing task."""
 
     def __init__(self, bus: Bus, clock: Clock) -> None:
+        self._bus = bus
         self._clock = clock
         self._scan: Scan | None = None
         self._news = asyncio.Event()
@@ -55,6 +56,13 @@ class SensorInbox:
                 await asyncio.wait_for(self._news.wait(), 0.02)
             except TimeoutError:
                 continue
+
+    async def say_ready(self, name: str) -> None:
+        """Tell flight, again and again, that this worker can work."""
+        message = ReadyMessage(name=name).model_dump_json().encode()
+        while True:
+            self._bus.publish(Key.READY, message)
+            await asyncio.sleep(1.0)
 
     def position(self) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]] | None:
         """Return where the vehicle was last, (3,) world."""

@@ -34,6 +34,7 @@ from perception.geometry import camera_looking_along, pinhole_matrix, rotation_f
 from perception.metering import Metered, blade_outline, meter_disc, meter_outline
 from perception.projection import project
 from perception.values import CameraPose, Float, Frame, Scan
+from perception.warm_up import warm_up_tracking
 
 #: Occupied points handed to the guard: all that a setpoint could lead near.
 AROUND_M = 30.0
@@ -78,6 +79,14 @@ class TrackingWorker:
 
     async def run(self) -> None:
         """Work through the newest scan, again and again, until cancelled."""
+        warm_up_tracking()
+        ready = asyncio.create_task(self._inbox.say_ready("tracking"))
+        try:
+            await self._work()
+        finally:
+            ready.cancel()
+
+    async def _work(self) -> None:
         while True:
             self._take_scan(await self._inbox.next_scan())
             await asyncio.sleep(0)

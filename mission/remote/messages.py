@@ -187,6 +187,12 @@ class SensingHealth(Message):
     """Messages that did not fit on the bus."""
 
 
+class ReadyMessage(Message):
+    """A perception worker to flight, once a second: its kernels are compiled, it can work."""
+
+    name: str
+
+
 class TickRecord(BaseModel):
     """One tick as recorded: what was known, what was decided, what was sent."""
 
@@ -209,6 +215,7 @@ __all__ = [
     "PhotoResultMessage",
     "PhotoTakenMessage",
     "PlainRequest",
+    "ReadyMessage",
     "RecordedMessage",
     "Reply",
     "RotorEstimate",

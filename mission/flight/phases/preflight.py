@@ -7,7 +7,7 @@ from mission.flight.flight import Flight, Intent
 from mission.flight.phases.landed import Landed
 from mission.flight.phases.takeoff import Takeoff
 
-WAIT_S = 15.0
+WAIT_S = 120.0
 #: The list must be clean for as long before the motors start.
 SETTLED_S = 0.5
 
