@@ -38,23 +38,27 @@ class SectionTable:
     y: Float
 
 
+#: Means over five published blades (WindPACT 1.5, NREL-1.72-103, NREL 5 MW, DTU 10 MW, IEA-15-240;
+#: the rest are kept for judging the fit). The pitch axis is moved a little towards the tabulated
+#: ones among them, since the others' are derived.
+GENERIC_SPAN = (0.0, 0.03, 0.06, 0.10, 0.15, 0.20, 0.28, 0.40, 0.60, 0.80, 0.95, 1.0)
+GENERIC_CHORD = (
+    0.0549, 0.0571, 0.0602, 0.0640, 0.0677, 0.0675, 0.0617, 0.0555, 0.0434, 0.0316, 0.0213, 0.0150,
+)  # fmt: skip
+GENERIC_TWIST_DEG = (14.9, 14.7, 14.5, 13.8, 12.5, 10.7, 8.0, 4.9, 1.9, -0.3, -1.4, -1.6)
+GENERIC_THICKNESS = (1.0, 0.988, 0.893, 0.701, 0.507, 0.410, 0.334, 0.293, 0.240, 0.207, 0.2, 0.2)
+GENERIC_AXIS = (0.50, 0.492, 0.450, 0.385, 0.330, 0.300, 0.280, 0.280, 0.285, 0.290, 0.290, 0.280)
+
+
 def generic_sections(radius_m: float) -> SectionTable:
-    """Return the middle of the published families, scaled to a rotor radius."""
+    """Return the middle of published blades, scaled to a rotor radius; straight."""
     length = radius_m / 1.033
     s = np.linspace(0.0, 1.0, STATIONS)
-    chord = length * np.interp(
-        s,
-        [0.0, 0.02, 0.06, 0.11, 0.16, 0.21, 0.28, 0.40, 0.60, 0.80, 0.95, 1.0],
-        [0.050, 0.050, 0.0535, 0.063, 0.0695, 0.0710, 0.0675, 0.0565, 0.0400, 0.0265, 0.016, 0.010],
-    )
-    twist = np.deg2rad(-1.5 + 16.0 * (1.0 - np.clip((s - 0.06) / 0.94, 0, 1)) ** 2.8)
-    thickness = np.interp(
-        s, [0, 0.03, 0.10, 0.2, 0.4, 0.7, 1.0], [1, 1, 0.68, 0.39, 0.3, 0.24, 0.19]
-    )
-    axis = np.interp(s, [0, 0.03, 0.2, 0.5, 1.0], [0.5, 0.495, 0.335, 0.345, 0.37])
-    prebend: Float = np.asarray(0.025 * length * s**2.4, np.float64)
-    x, y = _outlines(thickness, 0.02)
-    return SectionTable(length, radius_m - length, chord, twist, axis, prebend, x, y)
+    chord = length * np.interp(s, GENERIC_SPAN, GENERIC_CHORD)
+    twist = np.deg2rad(np.interp(s, GENERIC_SPAN, GENERIC_TWIST_DEG))
+    axis = np.interp(s, GENERIC_SPAN, GENERIC_AXIS)
+    x, y = _outlines(np.interp(s, GENERIC_SPAN, GENERIC_THICKNESS), 0.02)
+    return SectionTable(length, radius_m - length, chord, twist, axis, np.zeros(STATIONS), x, y)
 
 
 def published_sections(turbine: Turbine) -> SectionTable:

@@ -17,9 +17,9 @@ from perception.voxel_hash import compiled
 
 CELL_M = 0.5
 ANGLE_STEPS = 48
-HYPOTHESES = 500
+HYPOTHESES = 300
 PLANE_THRESHOLD_M = 0.9
-SAMPLE = 1500
+SAMPLE = 900
 TILT_RAD = (math.radians(-7.0), math.radians(15.0))
 """Shafts rise upwind by 0-8 deg; attitude errs, and a plane of few points more."""
 
@@ -179,13 +179,29 @@ def _correlate(
     image: Float32, middle: int, span: int, first: int, last: int
 ) -> tuple[float, float, float]:
     """Return the best place and angle step on a grid of every other cell and step."""
+    n = image.shape[0]
+    cells = (last - first + 1) // 2
     best, best_u, best_v, best_step = -1.0, 0.0, 0.0, 0.0
-    for i in range(middle - span, middle + span + 1, 2):
-        for j in range(middle - span, middle + span + 1, 2):
-            if (i - middle) ** 2 + (j - middle) ** 2 > span * span:
-                continue
-            for step in range(0, ANGLE_STEPS, 2):
-                score = _scored(image, float(i), float(j), float(step), first, last, 2)[0]
+    du, dv = np.empty((3, cells), np.int64), np.empty((3, cells), np.int64)
+    arms = np.empty(3)
+    for step in range(0, ANGLE_STEPS, 2):
+        for k in range(3):
+            angle = 2 * math.pi / 3 * (k + step / ANGLE_STEPS)
+            for c in range(cells):
+                du[k, c] = round((first + 2 * c) * math.sin(angle))
+                dv[k, c] = round((first + 2 * c) * math.cos(angle))
+        for i in range(middle - span, middle + span + 1, 2):
+            for j in range(middle - span, middle + span + 1, 2):
+                if (i - middle) ** 2 + (j - middle) ** 2 > span * span:
+                    continue
+                for k in range(3):
+                    total = 0.0
+                    for c in range(cells):
+                        p, q = i + du[k, c], j + dv[k, c]
+                        if 0 <= p < n and 0 <= q < n:
+                            total += image[p, q]
+                    arms[k] = total
+                score = arms.sum() + 2 * arms.min()
                 if score > best:
                     best, best_u, best_v, best_step = score, float(i), float(j), float(step)
     return best_u, best_v, best_step

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.rotor import direction_at
+from perception.rotor import down_in_plane, right_in_plane
 from perception.rotor_fit_kernel import Rows
 from perception.values import Float
 from perception.voxel_hash import compiled
@@ -47,10 +47,10 @@ def blade_axes(
     normal_w: Float, down_w: Float, angle_rad: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return (3, 3) radial and (3, 3) tangential unit directions of the blades, one a row."""
-    turns = [angle_rad + 2 * math.pi / 3 * k for k in range(3)]
-    radial = np.stack([direction_at(t, normal_w, down_w) for t in turns])
-    tangential = np.stack([direction_at(t + math.pi / 2, normal_w, down_w) for t in turns])
-    return radial, tangential
+    turns = angle_rad + 2 * math.pi / 3 * np.arange(3)
+    frame = np.stack([down_in_plane(normal_w, down_w), right_in_plane(normal_w, down_w)])
+    cosine, sine = np.cos(turns), np.sin(turns)
+    return np.stack([cosine, sine], axis=1) @ frame, np.stack([-sine, cosine], axis=1) @ frame
 
 
 def collect_blades(

@@ -25,7 +25,7 @@ PREBEND_LATE = (0.022, 0.018)
 blades: straight ones to IEA-10-198."""
 #: Standard deviations of chord, pitch axis, thickness and twist: common to the span, and free along
 #: it. The free ones are the spread of the published blades about the generic one.
-FREE_SHAPE = ((0.07, 0.09), (0.02, 0.03), (0.08, 0.15), (math.radians(1.0), math.radians(2.5)))
+FREE_SHAPE = ((0.12, 0.12), (0.03, 0.03), (0.08, 0.12), (math.radians(1.5), math.radians(2.0)))
 KNOWN_SHAPE = ((0.02, 0.01), (0.015, 0.01), (0.02, 0.03), (math.radians(0.4), math.radians(0.3)))
 
 
