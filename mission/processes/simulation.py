@@ -301,6 +301,8 @@ def _fly(
             time.sleep(0.05)
         if watcher.recorded is None:
             raise SimulationFailed("the recorder did not complete the mission folder")
+        if not watcher.recorded.ok:
+            raise SimulationFailed(f"{folder} is not complete: {watcher.recorded.text}")
         return folder
 
 
