@@ -40,7 +40,10 @@ class FitState:
     cone_rad: float
     params: Float
     covariance: Float
-    cost: float
+    costs: Float
+    """(3,) mean robust cost a row of each blade."""
+    rivalry: float
+    """How much dearer a row the best fit at quite another pitch is."""
     data: BladeData
     residuals: Float
 

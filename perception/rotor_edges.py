@@ -18,14 +18,15 @@ from perception.values import Float
 from perception.voxel_hash import compiled
 
 BIN_M = 0.5
+"""Radial bins; a first look may take wider ones."""
 EDGE_SHARE = 0.02
 MIN_EDGE_POINTS = 5
 KEEP_OF_WIDEST = 0.8
 POINTS_PER_BIN = 7
 POINT_SIGMA_M = 0.075
 EDGE_SIGMA_M = 0.045
-#: A bin never weighs more than this many independent points: the shape errs together.
-WORTH = 4.0
+#: A metre never weighs more than this many independent points: the shape errs together.
+WORTH = 8.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,8 +40,8 @@ class BladeData:
     rows: Rows
     reach_m: tuple[float, float, float]
     """Outermost occupied radius of each blade."""
-    counts: tuple[int, int, int]
-    """Bins with points, a blade."""
+    seen_m: tuple[float, float, float]
+    """Length of each blade in bins with points."""
 
 
 def blade_axes(
@@ -61,6 +62,7 @@ def collect_blades(
     gate: tuple[float, float, float],
     radii: tuple[float, float],
     slope: float | None = None,
+    bin_m: float = BIN_M,
 ) -> BladeData:
     """Gather the rows of all three blades.
 
@@ -70,29 +72,28 @@ def collect_blades(
     """
     radial, tangential, normal = frame
     rel = points_w - hub_w
-    bins = int(radii[1] / BIN_M) + 2
+    bins = int(radii[1] / bin_m) + 2
     most = 3 * bins * (POINTS_PER_BIN + 2)
     table, kind = np.empty((most, 8)), np.empty(most, np.int64)
-    reach, counts = np.zeros(3), np.zeros(3, np.int64)
+    reach, seen = np.zeros(3), np.zeros(3)
     used = 0
     for k in range(3):
         local = rel @ np.stack([radial[k], tangential[k], normal], axis=1)
         eye = np.array([radial[k], tangential[k], normal]) @ (viewpoint_w - hub_w)
         kept = local[_inside(local, np.array(gate), np.array(radii), slope or 0.0, slope is None)]
-        n = _rows_of(kept, eye, k, bins, table[used:], kind[used:])
+        n = _rows_of(kept, eye, k, (bin_m, bins), table[used:], kind[used:])
         used += n
         reach[k] = np.quantile(kept[:, 0], 0.995) if len(kept) else 0.0
-        counts[k] = len(np.unique((kept[:, 0] / BIN_M).astype(np.int64)))
-    table, kind = table[:used], kind[:used]
-    column = [np.ascontiguousarray(table[:, c]) for c in range(8)]
+        seen[k] = bin_m * len(np.unique((kept[:, 0] / bin_m).astype(np.int64)))
+    column = [np.ascontiguousarray(table[:used, c]) for c in range(8)]
     rows = Rows(
-        column[0].astype(np.int64), column[1], column[2], column[3], kind,
-        np.ascontiguousarray(table[:, 5:7]), column[4], column[7],
+        column[0].astype(np.int64), column[1], column[2], column[3], kind[:used],
+        np.ascontiguousarray(table[:used, 5:7]), column[4], column[7],
     )  # fmt: skip
     return BladeData(
         rows,
         (float(reach[0]), float(reach[1]), float(reach[2])),
-        (int(counts[0]), int(counts[1]), int(counts[2])),
+        (float(seen[0]), float(seen[1]), float(seen[2])),
     )
 
 
@@ -114,14 +115,22 @@ def _inside(
 
 @compiled
 def _rows_of(
-    local: Float, eye: Float, blade: int, bins: int, table: Float, kind: NDArray[np.int64]
+    local: Float,
+    eye: Float,
+    blade: int,
+    binning: tuple[float, int],
+    table: Float,
+    kind: NDArray[np.int64],
 ) -> int:
     """Write the rows of one blade, bin by bin: thinned points, then edges; return how many.
+
+    ``binning``: width of the bins, metres, and their number.
 
     ``table`` columns: blade, r, v, w, sigma, sight along v, sight along w,
     middle of the bin.
     """
-    index = (local[:, 0] / BIN_M).astype(np.int64)
+    bin_m, bins = binning
+    index = (local[:, 0] / bin_m).astype(np.int64)
     order = np.argsort(index, kind="mergesort")
     starts = np.searchsorted(index[order], np.arange(bins + 1))
     low_row = np.full(bins, -1)
@@ -134,7 +143,7 @@ def _rows_of(
             continue
         step = max(1, -(-n // POINTS_PER_BIN))
         m = -(-n // step)
-        sigma = POINT_SIGMA_M * math.sqrt(max(1.0, m / WORTH))
+        sigma = POINT_SIGMA_M * math.sqrt(max(1.0, m / (WORTH * bin_m)))
         middle = local[order[a:b], 0].mean()
         for j in range(a, b):
             if (j - a) % step == 0:
@@ -159,7 +168,8 @@ def _rows_of(
         _write(table, used + 1, blade, high, blur, eye, middle)
         kind[used], kind[used + 1] = 1, 2
         used += 2
-    return _without_borders(table, kind, used, low_row, width, last)
+    kept: int = _without_borders(table, kind, used, low_row, width, last)
+    return kept
 
 
 @compiled

@@ -9,6 +9,7 @@ refusal with its reason wherever the cloud does not show three blades 120 deg ap
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from config.turbine import Turbine
 from perception import rotor_fit_kernel as kernel
 from perception.blade_section import SectionTable
 from perception.coarse_rotor import CoarseRotor, rotor_planes, three_arms
-from perception.pitch_starts import best_start
+from perception.pitch_starts import best_start, blade_costs
 from perception.rotor import (
     Refusal,
     RefusalCode,
@@ -28,8 +29,8 @@ from perception.rotor import (
 )
 from perception.rotor_answer import FitState, rotor_of
 from perception.rotor_cloud import about_prior, usable_points
-from perception.rotor_edges import blade_axes, collect_blades
-from perception.rotor_fit_kernel import Shape
+from perception.rotor_edges import BIN_M, BladeData, blade_axes, collect_blades
+from perception.rotor_fit_kernel import Prior, Shape
 from perception.rotor_prior import parameter_prior, sections_of, station_columns
 from perception.rotor_skeleton import straighten
 from perception.rotor_solver import RotorSolver
@@ -37,6 +38,40 @@ from perception.tower_reference import tower_reference
 from perception.values import Float
 
 MIN_POINTS = 60
+MIN_SEEN_M = 2.5
+"""Of each blade."""
+ROUNDS, SETTLING = 3, 7
+STILL = 2e-3
+"""Metres and radians: collecting the points anew would change nothing."""
+FIRST_BIN_M = 1.0
+"""Wide bins tell one pitch from another as well as narrow ones, in half the time."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Model:
+    """What is fitted: sections and what is known of the parameters."""
+
+    table: SectionTable
+    station: Float
+    prior: Prior
+    sense: float
+
+    @property
+    def radius_m(self) -> float:
+        return self.table.length_m + self.table.hub_radius_m
+
+    def shape(self, normal: Float, angle: float, down: Float) -> Shape:
+        """Return the kernel's view of it, for blades at an angle in a plane."""
+        radial, tangential = blade_axes(normal, down, angle)
+        right, under = right_in_plane(normal, down), down_in_plane(normal, down)
+        axes = np.stack(
+            [radial @ right, radial @ under, tangential @ right, tangential @ under], axis=1
+        )
+        table = self.table
+        return Shape(
+            np.ascontiguousarray(axes), self.station, table.x, table.y,
+            table.length_m, table.hub_radius_m, self.sense,
+        )  # fmt: skip
 
 
 def fit_rotor(
@@ -73,7 +108,9 @@ def fit_rotor(
         return coarse
     sense = -1.0 if turbine is not None and turbine.rotation == "counter-clockwise" else 1.0
     coarse, cone = straighten(points, coarse, down, radius, prior_normal_w)
-    state = _fit(points, eye, coarse, cone, down, table, published, turbine, sense)
+    prior = parameter_prior(published, turbine, table.length_m)
+    model = _Model(table, station_columns(table, published), prior, sense)
+    state = _fit(points, eye, coarse, cone, down, model)
     if isinstance(state, Refusal):
         return state
     tower = (
@@ -122,75 +159,67 @@ def _fit(
     coarse: CoarseRotor,
     cone: float,
     down: Float,
-    table: SectionTable,
-    published: bool,
-    turbine: Turbine | None,
-    sense: float,
+    model: _Model,
 ) -> FitState | Refusal:
-    radius = table.length_m + table.hub_radius_m
-    station = station_columns(table, published)
-    prior = parameter_prior(published, turbine, table.length_m)
-    params = prior.mean.copy()
-    params[kernel.CONE] = cone
+    """Settle the joint fit about a straightened coarse rotor; collect anew where it has moved."""
     hub, normal, angle = coarse.hub_w, coarse.normal_w, coarse.angle_rad
-    depth_slope: float | None = -math.tan(cone)
-    rounds = 3
-    result: FitState | Refusal = Refusal(RefusalCode.NOT_CONVERGED, "the fit did not settle")
-    for attempt in range(rounds):
-        radial, tangential = blade_axes(normal, down, angle)
-        wide = 0.8 + 0.055 * radius if attempt == 0 else 0.5 + 0.055 * radius
-        gate = (wide, 1.5 + 0.03 * radius, 0.5 + 0.052 * radius)
-        data = collect_blades(
-            points,
-            eye,
-            hub,
-            (radial, tangential, normal),
-            gate,
-            (max(1.3, table.hub_radius_m * 1.05 + 0.02 * radius), radius * 1.02),
-            depth_slope,
-        )
-        if min(data.counts) < 5:
-            few = int(np.argmin(data.counts))
-            return Refusal(
-                RefusalCode.TWO_BLADES
-                if sorted(data.counts)[1] >= 8
-                else RefusalCode.LOW_VISIBILITY,
-                f"blade {few + 1} is seen over {data.counts[few] * 0.5:.1f} m only",
-            )
+    params = model.prior.mean.copy()
+    params[kernel.CONE] = cone
+    rivalry = math.inf
+    for attempt in range(ROUNDS):
+        seen = _look(points, eye, (hub, normal, angle, cone), down, model, first=attempt == 0)
+        if isinstance(seen, Refusal):
+            return seen
+        data = seen
         right, under = right_in_plane(normal, down), down_in_plane(normal, down)
-        axes = np.stack(
-            [radial @ right, radial @ under, tangential @ right, tangential @ under], axis=1
-        )
-        shape = Shape(
-            np.ascontiguousarray(axes), station, table.x, table.y,
-            table.length_m, table.hub_radius_m, sense,
-        )  # fmt: skip
-        solver = RotorSolver(data.rows, shape, prior)
+        solver = RotorSolver(data.rows, model.shape(normal, angle, down), model.prior)
         if attempt == 0:
-            params, _ = best_start(solver, params)
+            params, rival = best_start(solver, params)
+            rivalry = (rival - solver.cost(params)) / len(data.rows.r_m)
         else:
-            params = solver.run(params, 10)
-        jtj, cost, residuals = solver.last(params)
-        hub = (
-            hub + params[kernel.HX] * right + params[kernel.HY] * under + params[kernel.HZ] * normal
-        )
-        slope_r, slope_d = float(params[kernel.SR]), float(params[kernel.SD])
-        old = direction_at(angle + float(params[kernel.ANGLE]), normal, down)
-        normal = normal - slope_r * right - slope_d * under
+            params = solver.run(params, SETTLING)
+        moved = params.copy()
+        hub = hub + moved[kernel.HX] * right + moved[kernel.HY] * under + moved[kernel.HZ] * normal
+        first = direction_at(angle + float(moved[kernel.ANGLE]), normal, down)
+        normal = normal - moved[kernel.SR] * right - moved[kernel.SD] * under
         normal = normal / np.linalg.norm(normal)
-        angle = angle_of(old - (old @ normal) * normal, normal, down)
-        cone = float(params[kernel.CONE])
-        result = FitState(
-            hub,
-            normal,
-            angle,
-            cone,
-            params.copy(),
-            np.asarray(np.linalg.inv(jtj), np.float64),
-            cost,
-            data,
-            residuals,
-        )
-        depth_slope = -math.tan(cone)
+        angle = angle_of(first - (first @ normal) * normal, normal, down)
+        cone = float(moved[kernel.CONE])
+        if attempt > 0 and np.abs(moved[: kernel.CONE]).max() < STILL:
+            break
         params[: kernel.CONE] = 0.0
-    return result
+    system, _, residuals = solver.last(moved)
+    covariance = np.asarray(np.linalg.inv(system), np.float64)
+    costs = blade_costs(solver, residuals)
+    return FitState(hub, normal, angle, cone, moved, covariance, costs, rivalry, data, residuals)
+
+
+def _look(
+    points: Float,
+    eye: Float,
+    rotor: tuple[Float, Float, float, float],
+    down: Float,
+    model: _Model,
+    *,
+    first: bool,
+) -> BladeData | Refusal:
+    """Gather what is seen of the blades of a rotor (hub, normal, angle, cone) so far known."""
+    hub, normal, angle, cone = rotor
+    radius, table = model.radius_m, model.table
+    radial, tangential = blade_axes(normal, down, angle)
+    data = collect_blades(
+        points,
+        eye,
+        hub,
+        (radial, tangential, normal),
+        ((0.8 if first else 0.5) + 0.055 * radius, 1.5 + 0.03 * radius, 0.5 + 0.052 * radius),
+        (max(1.3, table.hub_radius_m * 1.05 + 0.02 * radius), radius * 1.02),
+        -math.tan(cone),
+        FIRST_BIN_M if first else BIN_M,
+    )
+    seen = sorted(data.seen_m)
+    if seen[0] >= MIN_SEEN_M:
+        return data
+    code = RefusalCode.TWO_BLADES if seen[1] >= 4.0 else RefusalCode.LOW_VISIBILITY
+    which = int(np.argmin(data.seen_m)) + 1
+    return Refusal(code, f"blade {which} is seen over {seen[0]:.1f} m only")

@@ -348,7 +348,7 @@ def settle(params, rows, shape, prior, held, iterations, reject, every):  # type
                 params[k] = min(max(params[k], -0.4), 0.5)
             elif THICK <= k < TWIST:
                 params[k] = min(max(params[k], -0.5), 0.7)
-            quiet = 2e-3 if PITCH <= k < SPACING else 1e-4 if k < PREBEND else 1.0
+            quiet = 5e-3 if PITCH <= k < SPACING else 3e-4 if k < PREBEND else 1.0
             settled = settled and abs(step[k]) < quiet
         if settled:
             break
