@@ -92,6 +92,8 @@ class Renderer:
         self._late: deque[StillDone] = deque()
         self._next_scan_s = self._next_frame_s = math.nan
         self.min_clearance_m = math.inf
+        self._clearance_m = math.inf
+        self._told_s = math.inf
         self.frames_dropped = 0
 
     def warm_up(self) -> None:
@@ -132,7 +134,7 @@ class Renderer:
         if newest >= self._next_frame_s:
             self._show_frame(newest)
             return []
-        return None
+        return self._sent_meanwhile()
 
     def _take_state(self, state: TruthState) -> None:
         if math.isnan(self._next_scan_s):
@@ -161,10 +163,23 @@ class Renderer:
             float(self._caster.clearance_m(places, end_s).min()) if len(places) else math.inf
         )
         self.min_clearance_m = min(self.min_clearance_m, clearance)
-        # A scan is out when its packets are: the world waits for the sensor's wire too.
+        self._clearance_m = clearance
+        self._told_s = self._done_s()
+        return RenderProgress(self._told_s, clearance)
+
+    def _done_s(self) -> float:
+        """Return until when scans are out: they are when the sensor has sent their packets."""
         unsent_s = self._scans.unsent_since_s()
-        done_s = end_s if unsent_s is None else min(end_s, unsent_s + SCAN_S)
-        return RenderProgress(done_s, clearance)
+        end_s = self._next_scan_s
+        return end_s if unsent_s is None else min(end_s, unsent_s + SCAN_S)
+
+    def _sent_meanwhile(self) -> list[RenderProgress | StillDone] | None:
+        """Tell a waiting world that the packets it waited for have left."""
+        done_s = self._done_s()
+        if not done_s > self._told_s:
+            return None
+        self._told_s = done_s
+        return [RenderProgress(done_s, self._clearance_m)]
 
     def _draw_still(self) -> list[RenderProgress | StillDone]:
         if self._drawing is None:

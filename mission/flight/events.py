@@ -105,7 +105,9 @@ POLICY: dict[Event, Policy] = {
         _R.STAND_OFF, "the rotor is not where it was measured: measuring again", True
     ),
     Event.OFFBOARD_REFUSED: Policy(_R.LAND, "the autopilot refuses offboard control", True),
-    Event.PILOT_TOOK_OVER: Policy(_R.RELEASE, "the pilot has taken over", True),
+    Event.PILOT_TOOK_OVER: Policy(
+        _R.RELEASE, "the pilot, or the autopilot's own failsafe, has the vehicle", True
+    ),
 }
 
 

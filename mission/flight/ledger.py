@@ -118,11 +118,17 @@ class Ledger:
         """Return how many photos exist and are kept."""
         return sum(p.status is PhotoStatus.TAKEN for p in self._photos.values())
 
-    def coverage(self) -> float:
-        """Return the share of the planned metres that is photographed."""
-        planned = sum(book.planned.planned_m for book in self.sides.values())
-        done = sum(book.photographed_m() for book in self.sides.values())
-        return min(1.0, done / planned) if planned > 0 else 0.0
+    def coverage(self, *, skipped: bool = True) -> float:
+        """Return the share of the planned metres that is photographed.
+
+        ``skipped``: sides that the operator left out count as planned too.
+        """
+        books = [book for book in self.sides.values() if skipped or not book.skipped]
+        planned = sum(book.planned.planned_m for book in books)
+        done = sum(book.photographed_m() for book in books)
+        if planned <= 0:
+            return 0.0 if books or not self.sides else 1.0
+        return min(1.0, done / planned)
 
     def missing(self, leg: Leg) -> tuple[float, ...]:
         """Return the photo metres of a leg, in its order, that no kept photo is near."""

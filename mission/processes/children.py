@@ -40,7 +40,7 @@ class Child:
         while True:
             process = self.process or await self.start()
             code = await process.wait()
-            if self.ending:
+            if self._told_to_end():
                 return
             now = loop.time()
             self.deaths = [t for t in self.deaths if now - t < DEATH_WINDOW_S] + [now]
@@ -48,6 +48,11 @@ class Child:
             on_death(self.name, len(self.deaths))
             self.process = None
             await asyncio.sleep(0.2 if len(self.deaths) < MAX_DEATHS else 5.0)
+            if self._told_to_end():
+                return
+
+    def _told_to_end(self) -> bool:
+        return self.ending
 
     async def end(self, patience_s: float = 4.0) -> None:
         """Ask the process to leave by closing its input; kill it when it does not."""

@@ -313,8 +313,12 @@ class Flight:
 
     def _on_photo(self, photo: PhotoTaken) -> None:
         command = self._photo_commands.pop(photo.photo_id, None)
-        if command is not None and self._last_observation is not None:
+        if command is None or self._last_observation is None:
+            return
+        try:
             self._outputs.photo(photo, command, self._last_observation)
+        except ValueError:  # one photo that cannot be told must not end all others
+            log.exception("photo %d lost: it cannot be told", photo.photo_id)
 
     def _on_photo_failed(self, photo_id: int, reason: str) -> None:
         self._photo_commands.pop(photo_id, None)

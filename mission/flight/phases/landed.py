@@ -8,6 +8,8 @@ from mission.flight.observation import FlightMode
 
 DISARM_S = 12.0
 ASK_AGAIN_S = 3.0
+#: A mission that photographed less of what was planned is not completed.
+COMPLETE_COVERAGE = 0.8
 
 
 class Landed:
@@ -49,6 +51,11 @@ class Landed:
 
     def _end(self, flight: Flight) -> None:
         self._done = True
-        if flight.state in {MissionState.RUNNING, MissionState.PAUSED}:
-            flight.state = flight.outcome or MissionState.COMPLETED
-            flight.note("end", f"{flight.state}: {flight.outcome_words or 'all legs flown'}")
+        if flight.state not in {MissionState.RUNNING, MissionState.PAUSED}:
+            return
+        coverage = flight.ledger.coverage(skipped=False)
+        if flight.outcome is None and coverage < COMPLETE_COVERAGE:
+            flight.outcome = MissionState.ENDED_SAFELY
+            flight.outcome_words = f"only {coverage:.0%} of the planned metres were photographed"
+        flight.state = flight.outcome or MissionState.COMPLETED
+        flight.note("end", f"{flight.state}: {flight.outcome_words or 'all legs flown'}")
