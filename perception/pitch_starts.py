@@ -21,6 +21,8 @@ FULL_STARTS = 3
 APART_RAD = math.radians(9.0)
 ROWS_OF_A_START = 450
 HOPS_RAD = (math.radians(14.0), math.radians(-14.0))
+RANGE_RAD = (math.radians(60.0), math.radians(80.0))
+"""Middle and half of the pitches that a blade may start at."""
 POOR = 0.8
 """Mean cost a row of a blade above which one may stand apart from the others."""
 
@@ -43,10 +45,7 @@ def best_start(solver: RotorSolver, params: Float) -> tuple[Float, float]:
 
 def _common_pitches(solver: RotorSolver, params: Float) -> list[Float]:
     """Return the best few of the common pitches, shape held, pitches bound together."""
-    every = max(1, len(solver.rows.r_m) // ROWS_OF_A_START)
-    held = np.zeros(kernel.PARAMETERS)
-    held[kernel.CONE : kernel.PITCH] = 1e6
-    held[kernel.SPACING :] = 1e8
+    every, held = _thinned(solver), _shape_held()
     tries: list[tuple[float, Float]] = []
     for start in PITCH_STARTS_DEG:
         guess = params.copy()
@@ -95,18 +94,36 @@ def _with_odd_blade(solver: RotorSolver, params: Float) -> Float:
     _, cost, residual = solver.last(params)
     if not np.nanmax(blade_costs(solver, residual)) > POOR:
         return params
-    best = params
     common = float(np.median(params[PITCHES]))
-    for blade in range(3):
-        for turn in (-math.pi / 2, math.pi / 2):
-            if not math.radians(-20) < common + turn < math.radians(140):
-                continue
-            guess = params.copy()
-            guess[PITCHES] = common
-            guess[kernel.PITCH + blade] += turn
-            guess[kernel.CHORD :] = solver.prior.mean[kernel.CHORD :]
-            guess = solver.run(guess, 10)
-            other = solver.cost(guess)
-            if other < cost:
-                best, cost = guess, other
+    every, held = _thinned(solver), _shape_held()
+    tries: list[tuple[float, Float]] = []
+    for turn in (-math.pi / 2, math.pi / 2):
+        for odd in np.eye(3):
+            # The common pitch found may be that of the two, or that of the one.
+            for turned in (odd, 1.0 - odd):
+                guess = params.copy()
+                guess[PITCHES] = common + turn * turned
+                if not np.all(np.abs(guess[PITCHES] - RANGE_RAD[0]) < RANGE_RAD[1]):
+                    continue
+                guess[kernel.CHORD :] = solver.prior.mean[kernel.CHORD :]
+                guess = solver.run(guess, 5, held, 12.0, every)
+                tries.append((solver.cost(guess, 12.0, every), guess))
+    tries.sort(key=lambda t: t[0])
+    best = params
+    for _, start in tries[:2]:
+        guess = solver.run(start, 10)
+        other = solver.cost(guess)
+        if other < cost:
+            best, cost = guess, other
     return best
+
+
+def _thinned(solver: RotorSolver) -> int:
+    return max(1, len(solver.rows.r_m) // ROWS_OF_A_START)
+
+
+def _shape_held() -> Float:
+    held = np.zeros(kernel.PARAMETERS)
+    held[kernel.CONE : kernel.PITCH] = 1e6
+    held[kernel.SPACING :] = 1e8
+    return held
