@@ -29,8 +29,12 @@ from perception.values import Bytes
 class Scans:
     def __init__(self) -> None:
         self.wanted = True
+        self.unsent_s = None
         self.got: list[RawScan] = []
         self.words: list[Word] = []
+
+    def unsent_since_s(self):
+        return self.unsent_s
 
     def send(self, scan: RawScan) -> None:
         self.got.append(scan)
