@@ -163,11 +163,13 @@ class Field:
         """Set the clock's factor by the load, again and again."""
         last_s = time.monotonic()
         busy, busy_s = 0.0, last_s
-        psutil.cpu_percent(None)
+        psutil.cpu_times_percent(None)
         while True:
             now_s = time.monotonic()
             if now_s - busy_s > _BUSY_EVERY_S:
-                busy, busy_s = psutil.cpu_percent(None) / 100, now_s
+                # What runs at low priority gives way by itself and is no load.
+                times = psutil.cpu_times_percent(None)
+                busy, busy_s = 1 - (times.idle + times.iowait + times.nice) / 100, now_s
             mission_s = self._clock.now_s()
             world_s = self._world.now_s
             # Before the first scan there is nothing to wait for.

@@ -53,7 +53,7 @@ from mission.remote.messages import Intent
 log = logging.getLogger(__name__)
 
 TICK_S = 0.05
-#: A tick older than this is dropped, never sent late.
+#: Ticks missed by more than this are left out, not made up for.
 MAX_LATE_S = 0.1
 #: Silent for so long (the autopilot may have left offboard): the mode is read before anything.
 STALL_S = 0.4
@@ -245,10 +245,12 @@ class Flight:
             self._action = asyncio.create_task(self._act(link, command.action, height_m))
 
     def _may_send(self, observation: Observation) -> bool:
-        """Late ticks are dropped; after a stall the mode must have been reported anew."""
+        """After a stall the mode must have been reported anew before anything is sent.
+
+        No setpoint is ever sent late: a tick decides from what is known when it runs, and the
+        ticks that a stall has missed are left out.
+        """
         now_s = observation.now_s
-        if observation.late_s > MAX_LATE_S:
-            return False
         if now_s - self._last_sent_s > STALL_S and self._last_sent_s > float("-inf"):
             self._mode_wanted_after_s = now_s
             self._last_sent_s = float("-inf")
