@@ -121,8 +121,9 @@ def _draw_pitch(rng: np.random.Generator, opt: SceneOptions) -> tuple[float, flo
             else rng.uniform(5, 82)
         )
     each = base + rng.uniform(-1.5, 1.5, 3)
-    if rng.random() < opt.feather_one:
-        k = int(rng.integers(3))
+    # Bearings turn from fine pitch to feather: a quarter turn from between would leave that range.
+    odd, k = rng.random() < opt.feather_one, int(rng.integers(3))
+    if odd and not 8.0 < base < 78.0:
         each[k] += 90.0 if base < 45 else -90.0
     return float(each[0]), float(each[1]), float(each[2])
 
@@ -173,10 +174,7 @@ def _build_world(rng: np.random.Generator, opt: SceneOptions) -> _World:
     base_radius = top_radius * rng.uniform(1.25, 1.9)
     parts = [_cylinder(tower_up * 0.0, tower_top, base_radius, top_radius)]
     parts += _nacelle(hub, normal, plan, overhang)
-    spaced = [first + 120 * k + rng.uniform(-1, 1) * opt.spacing_deg for k in range(3)]
-    # A bearing's own error may carry the first blade over the cut.
-    shift = next(k for k in range(3) if 0 <= spaced[k] % 360 < 120)
-    angles = [spaced[(shift + k) % 3] % 360 for k in range(3)]
+    angles = _spaced(rng, first, opt.spacing_deg)
     directions = []
     for k in range(3):
         a = math.radians(angles[k])
@@ -278,6 +276,16 @@ def _look(world: _World, rng: np.random.Generator, opt: SceneOptions) -> AngleSc
         world.directions @ turn.T,
         world.plan,
     )
+
+
+def _spaced(rng: np.random.Generator, first_deg: float, spacing_deg: float) -> list[float]:
+    """Return the three blades' angles, the first in [0, 120), each off its even place."""
+    while True:
+        spaced = [first_deg + 120 * k + rng.uniform(-1, 1) * spacing_deg for k in range(3)]
+        # A bearing's own error may carry the first blade over the cut.
+        shift = next((k for k in range(3) if spaced[k] % 360 < 120), None)
+        if shift is not None:
+            return [spaced[(shift + k) % 3] % 360 for k in range(3)]
 
 
 def _markov(rng: np.random.Generator, frames: int, sigma_m: float, time_s: float) -> Float:

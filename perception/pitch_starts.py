@@ -89,6 +89,17 @@ def blade_costs(solver: RotorSolver, residual_m: Float) -> Float:
     return np.array([share.mean() if len(share) else math.nan for share in shares])
 
 
+def misfits(solver: RotorSolver, residual_m: Float) -> Float:
+    """Return each blade's 70th percentile of residuals in sigmas (3,).
+
+    Unlike a mean it is blind to the tower behind a blade; a section at a wrong pitch shows in it.
+    """
+    z = np.abs(residual_m) / solver.rows.sigma_m
+    z = np.where(np.isfinite(z), z, REJECT)
+    parts = [z[solver.rows.blade == b] for b in range(3)]
+    return np.array([np.percentile(part, 70) if len(part) else REJECT for part in parts])
+
+
 def _with_odd_blade(solver: RotorSolver, params: Float) -> Float:
     """Return the better of the fit and those with one blade a quarter turn from the others."""
     _, cost, residual = solver.last(params)

@@ -25,8 +25,16 @@ MAX_SPREAD_DEG = 9.0
 MAX_PITCH_SIGMA_DEG = 9.0
 MIN_TILT_DEG, MAX_TILT_DEG = -5.0, 13.0
 PITCH_RANGE_DEG = (-14.0, 112.0)
-SIGMA_FACTOR = 1.8
-"""Error over formal error of the fit, on the tuning scenes."""
+MAX_MISFIT = 1.4
+"""A blade that fits worse than this has some other pitch."""
+PITCH_SIGMA_FACTOR = 1.6
+SIGMA_PITCH_DEG = (0.0, 15.0, 30.0, 50.0, 70.0, 85.0)
+SIGMA_FACTOR = (1.45, 1.6, 1.95, 2.3, 2.2, 2.0)
+"""Error over formal error of the fit by pitch, on scenes with the blades of V27, NREL-2.3-116,
+IEA-3.4-130 and drawn ones (`benchmarks`, seeds 50000-50199 and 55000-55119)."""
+TOWER_SIGMA_FACTOR = 1.15
+GRAVITY_SIGMA_RAD = math.radians(0.65)
+"""Of straight down by gravity against the tower: its lean, and the attitude's error."""
 FLOOR_DEG = 0.05
 
 
@@ -40,8 +48,8 @@ class FitState:
     cone_rad: float
     params: Float
     covariance: Float
-    costs: Float
-    """(3,) mean robust cost a row of each blade."""
+    misfits: Float
+    """(3,) 70th percentile of each blade's residuals, in sigmas: 0.6 where the shape is right."""
     rivalry: float
     """How much dearer a row the best fit at quite another pitch is."""
     data: BladeData
@@ -62,33 +70,12 @@ def rotor_of(
     if not MIN_TILT_DEG < tilt < MAX_TILT_DEG:
         return Refusal(RefusalCode.NOT_A_ROTOR, f"a shaft does not tilt by {tilt:.0f} deg")
     reference_down = down if tower is None else tower.down_w
-    first = angle_of(
-        direction_at(state.angle_rad, state.normal_w, down), state.normal_w, reference_down
-    )
-    stop = math.degrees(first) % 120.0
-    variance = float(state.covariance[kernel.ANGLE, kernel.ANGLE])
-    reference_sigma = math.radians(0.5) if tower is None else tower.sigma_rad
-    sigma = math.degrees(math.sqrt(variance * SIGMA_FACTOR**2 + reference_sigma**2))
-    names = blade_angles_deg(stop)
-    turn = round(((names[0] - math.degrees(first)) % 360.0) / 120.0) % 3
-    blades = []
-    for i, name in enumerate("ABC"):
-        b = (turn + i) % 3
-        pitch, pitch_sigma = _pitch(state, b)
-        known = pitch is not None
-        direction = direction_at(
-            state.angle_rad + 2 * math.pi / 3 * b, state.normal_w, down, state.cone_rad
-        )
-        tip = state.data.reach_m[b]
-        blades.append(
-            Blade(
-                name,
-                direction,
-                pitch,
-                pitch_sigma if known else None,
-                tip if tip > 0.93 * radius else None,
-            )
-        )
+    stop, index, variance = _first_blade(state, down, reference_down)
+    median_pitch = math.degrees(float(np.median(state.params[kernel.PITCH : kernel.SPACING])))
+    factor = float(np.interp(median_pitch, SIGMA_PITCH_DEG, SIGMA_FACTOR))
+    own = factor * math.sqrt(variance)
+    reference_sigma = GRAVITY_SIGMA_RAD if tower is None else TOWER_SIGMA_FACTOR * tower.sigma_rad
+    sigma = math.degrees(math.hypot(own, reference_sigma))
     return Rotor(
         stamp_s,
         state.hub_w,
@@ -96,11 +83,45 @@ def rotor_of(
         stop,
         max(sigma, FLOOR_DEG),
         "gravity" if tower is None else "tower",
-        (blades[0], blades[1], blades[2]),
+        _named_blades(state, stop, index, down, radius),
         "rotor_fit",
         math.degrees(state.cone_rad),
         len(state.data.rows.r_m),
     )
+
+
+def _first_blade(state: FitState, down: Float, reference_down: Float) -> tuple[float, int, float]:
+    """Return the stop angle (degrees), the fit's index of the first blade, the variance (rad^2).
+
+    The fit's angle is the common one; each bearing stands a little off it.
+    """
+    turned = angle_of(
+        direction_at(state.angle_rad, state.normal_w, down), state.normal_w, reference_down
+    )
+    own = [
+        math.degrees(turned + state.params[kernel.SPACING + b]) % 360.0 + 120.0 * b
+        for b in range(3)
+    ]
+    first = next((b for b in range(3) if own[b] % 360.0 < 120.0), 0)
+    pair = [kernel.ANGLE, kernel.SPACING + first]
+    return own[first] % 120.0, first, float(state.covariance[np.ix_(pair, pair)].sum())
+
+
+def _named_blades(
+    state: FitState, stop_angle_deg: float, first: int, down: Float, radius: float
+) -> tuple[Blade, Blade, Blade]:
+    """Return blades A, B, C; ``first``: the fit's index of the blade at the stop angle."""
+    to_a = round((blade_angles_deg(stop_angle_deg)[0] - stop_angle_deg) / 120.0)
+    blades = []
+    for i, name in enumerate("ABC"):
+        b = (first + to_a + i) % 3
+        pitch, sigma = _pitch(state, b)
+        angle = state.angle_rad + 2 * math.pi / 3 * b + float(state.params[kernel.SPACING + b])
+        direction = direction_at(angle, state.normal_w, down, state.cone_rad)
+        tip = state.data.reach_m[b]
+        seen = tip if tip > 0.93 * radius else None
+        blades.append(Blade(name, direction, pitch, None if pitch is None else sigma, seen))
+    return blades[0], blades[1], blades[2]
 
 
 def _pitch(state: FitState, b: int) -> tuple[float | None, float]:
@@ -112,8 +133,9 @@ def _pitch(state: FitState, b: int) -> tuple[float | None, float]:
     pitches = np.degrees(state.params[kernel.PITCH : kernel.SPACING])
     pitch = float(pitches[b])
     variance = float(state.covariance[kernel.PITCH + b, kernel.PITCH + b])
-    sigma = SIGMA_FACTOR * math.degrees(math.sqrt(variance))
+    sigma = PITCH_SIGMA_FACTOR * math.degrees(math.sqrt(variance))
     apart = abs(pitch - float(np.median(pitches)))
     alike = apart < MAX_SPREAD_DEG or abs(apart - 90.0) < 2 * MAX_SPREAD_DEG
     inside = PITCH_RANGE_DEG[0] < pitch < PITCH_RANGE_DEG[1]
-    return (pitch if inside and alike and sigma < MAX_PITCH_SIGMA_DEG else None), sigma
+    known = inside and alike and sigma < MAX_PITCH_SIGMA_DEG and state.misfits[b] < MAX_MISFIT
+    return (pitch if known else None), sigma

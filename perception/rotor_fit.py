@@ -17,7 +17,7 @@ from config.turbine import Turbine
 from perception import rotor_fit_kernel as kernel
 from perception.blade_section import SectionTable
 from perception.coarse_rotor import CoarseRotor, rotor_planes, three_arms
-from perception.pitch_starts import best_start, blade_costs
+from perception.pitch_starts import best_start, misfits
 from perception.rotor import (
     Refusal,
     RefusalCode,
@@ -190,8 +190,8 @@ def _fit(
         params[: kernel.CONE] = 0.0
     system, _, residuals = solver.last(moved)
     covariance = np.asarray(np.linalg.inv(system), np.float64)
-    costs = blade_costs(solver, residuals)
-    return FitState(hub, normal, angle, cone, moved, covariance, costs, rivalry, data, residuals)
+    worst = misfits(solver, residuals)
+    return FitState(hub, normal, angle, cone, moved, covariance, worst, rivalry, data, residuals)
 
 
 def _look(
