@@ -30,7 +30,7 @@ LOOK_S = 6.0
 SIDE_S = 3.0
 #: A tower found this far from where it was believed moves the path.
 MOVED_M = 1.5
-ARC_SPEED_MPS = 4.0
+ARC_SPEED_MPS = 5.0
 CIRCLE_STEP_RAD = math.radians(30.0)
 
 
