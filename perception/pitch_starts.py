@@ -19,6 +19,8 @@ PITCHES = slice(kernel.PITCH, kernel.SPACING)
 PITCH_STARTS_DEG = (-4.0, 10.0, 24.0, 38.0, 52.0, 66.0, 80.0, 94.0)
 FULL_STARTS = 3
 APART_RAD = math.radians(9.0)
+RIVAL_RAD = math.radians(25.0)
+"""Two pitches this far apart are not two measures of the same one."""
 ROWS_OF_A_START = 450
 HOPS_RAD = (math.radians(14.0), math.radians(-14.0))
 RANGE_RAD = (math.radians(60.0), math.radians(80.0))
@@ -28,7 +30,7 @@ POOR = 0.8
 
 
 def best_start(solver: RotorSolver, params: Float) -> tuple[Float, float]:
-    """Return the parameters of the cheapest settled fit, and the cost of the next best pitch."""
+    """Return the parameters of the cheapest settled fit, and the cost of the best quite other pitch."""
     fitted = [solver.run(guess, 8) for guess in _common_pitches(solver, params)]
     costs = [solver.cost(guess) for guess in fitted]
     order = np.argsort(costs)
@@ -38,7 +40,7 @@ def best_start(solver: RotorSolver, params: Float) -> tuple[Float, float]:
     rivals = [
         costs[k]
         for k in order
-        if abs(float(np.median(fitted[k][PITCHES])) - pitch) > APART_RAD and costs[k] > cost
+        if abs(float(np.median(fitted[k][PITCHES])) - pitch) > RIVAL_RAD and costs[k] > cost
     ]
     return best, min(rivals, default=math.inf)
 

@@ -25,6 +25,8 @@ MAX_SPREAD_DEG = 9.0
 MAX_PITCH_SIGMA_DEG = 9.0
 MIN_TILT_DEG, MAX_TILT_DEG = -5.0, 13.0
 PITCH_RANGE_DEG = (-14.0, 112.0)
+MIN_RIVALRY = 0.08
+"""A quite other pitch that costs hardly more a row: neither is given out."""
 MAX_MISFIT = 1.4
 """A blade that fits worse than this has some other pitch."""
 PITCH_SIGMA_FACTOR = 1.6
@@ -32,6 +34,8 @@ SIGMA_PITCH_DEG = (0.0, 15.0, 30.0, 50.0, 70.0, 85.0)
 SIGMA_FACTOR = (1.45, 1.6, 1.95, 2.3, 2.2, 2.0)
 """Error over formal error of the fit by pitch, on scenes with the blades of V27, NREL-2.3-116,
 IEA-3.4-130 and drawn ones (`benchmarks`, seeds 50000-50199 and 55000-55119)."""
+KNOWN_SHARE = 0.75
+"""Where the shape is the type's own, less of the error is the shape's."""
 TOWER_SIGMA_FACTOR = 1.15
 GRAVITY_SIGMA_RAD = math.radians(0.65)
 """Of straight down by gravity against the tower: its lean, and the attitude's error."""
@@ -54,6 +58,8 @@ class FitState:
     """How much dearer a row the best fit at quite another pitch is."""
     data: BladeData
     residuals: Float
+    known: bool
+    """Whether the sections are those of the turbine's own type."""
 
 
 def rotor_of(
@@ -73,7 +79,7 @@ def rotor_of(
     stop, index, variance = _first_blade(state, down, reference_down)
     median_pitch = math.degrees(float(np.median(state.params[kernel.PITCH : kernel.SPACING])))
     factor = float(np.interp(median_pitch, SIGMA_PITCH_DEG, SIGMA_FACTOR))
-    own = factor * math.sqrt(variance)
+    own = factor * (KNOWN_SHARE if state.known else 1.0) * math.sqrt(variance)
     reference_sigma = GRAVITY_SIGMA_RAD if tower is None else TOWER_SIGMA_FACTOR * tower.sigma_rad
     sigma = math.degrees(math.hypot(own, reference_sigma))
     return Rotor(
@@ -138,4 +144,5 @@ def _pitch(state: FitState, b: int) -> tuple[float | None, float]:
     alike = apart < MAX_SPREAD_DEG or abs(apart - 90.0) < 2 * MAX_SPREAD_DEG
     inside = PITCH_RANGE_DEG[0] < pitch < PITCH_RANGE_DEG[1]
     known = inside and alike and sigma < MAX_PITCH_SIGMA_DEG and state.misfits[b] < MAX_MISFIT
+    known = known and state.rivalry > MIN_RIVALRY
     return (pitch if known else None), sigma

@@ -55,6 +55,7 @@ class _Model:
     station: Float
     prior: Prior
     sense: float
+    known: bool
 
     @property
     def radius_m(self) -> float:
@@ -109,7 +110,7 @@ def fit_rotor(
     sense = -1.0 if turbine is not None and turbine.rotation == "counter-clockwise" else 1.0
     coarse, cone = straighten(points, coarse, down, radius, prior_normal_w)
     prior = parameter_prior(published, turbine, table.length_m)
-    model = _Model(table, station_columns(table, published), prior, sense)
+    model = _Model(table, station_columns(table, published), prior, sense, published)
     state = _fit(points, eye, coarse, cone, down, model)
     if isinstance(state, Refusal):
         return state
@@ -191,7 +192,9 @@ def _fit(
     system, _, residuals = solver.last(moved)
     covariance = np.asarray(np.linalg.inv(system), np.float64)
     worst = misfits(solver, residuals)
-    return FitState(hub, normal, angle, cone, moved, covariance, worst, rivalry, data, residuals)
+    return FitState(
+        hub, normal, angle, cone, moved, covariance, worst, rivalry, data, residuals, model.known
+    )
 
 
 def _look(

@@ -1,0 +1,72 @@
+"""The table of the angle bench: rows, strata, success and intervals; and the command."""
+
+import json
+
+import pytest
+from typer.testing import CliRunner
+
+from benchmarks.angle import Table, measure, one
+from benchmarks.angle_scenes import SceneOptions, make_scene
+from benchmarks.angle_summary import row, strata
+from benchmarks.angle_trials import Trial, windowed
+from mission.cli.bench_command import app
+
+
+def _trial(error: float | None, pitch: float = 3.0, sigma: float = 0.5) -> Trial:
+    return Trial(1, "v27", pitch, 0.02, "" if error is not None else "no", error, sigma)
+
+
+def test_a_refusal_is_not_a_success_and_no_part_of_the_mean():
+    told = row([_trial(0.5), _trial(-0.5), _trial(3.0), _trial(None)])
+    assert told["refused"] == 1
+    assert told["mean_deg"] == pytest.approx(4.0 / 3)
+    assert told["success_5"] == 0.75
+    assert told["success_1"] == 0.5
+    assert told["within_1_sigma"] == pytest.approx(2 / 3)
+
+
+def test_bounds_enclose_what_they_bound():
+    told = row([_trial(0.1 * k) for k in range(-9, 10)])
+    assert told["mean_low"] < told["mean_deg"] < told["mean_high"]
+    assert 0.8 < told["success_1_low"] < 1.0
+
+
+def test_a_row_of_refusals_has_no_errors():
+    told = row([_trial(None)])
+    assert told["mean_deg"] is None
+    assert told["success_1"] == 0.0
+
+
+def test_strata_are_fifteen_degrees_of_pitch():
+    rows = strata([_trial(0.1, -1.0), _trial(0.2, 14.9), _trial(0.3, 93.0)])
+    assert list(rows) == ["0-15", "75-90"]
+    assert rows["0-15"]["trials"] == 2
+
+
+def test_every_method_answers_the_same_scene():
+    table = Table()
+    one(table, 5, SceneOptions(), pictures=False)
+    assert len(table.trials) == 7
+    assert len({t.model for trials in table.trials.values() for t in trials}) == 1
+    assert table.rows()["rotor fit, full azimuth, 1 s"]["mean_deg"] < 1.0
+
+
+def test_a_window_keeps_what_lies_ahead():
+    scene = make_scene(5)
+    narrow = windowed(scene, 60.0)
+    assert 0.1 < len(narrow.points_w) / len(scene.points_w) < 0.9
+    assert len(narrow.origins_w) == len(narrow.points_w)
+
+
+def test_scenes_are_counted_as_they_are_done():
+    table = Table()
+    assert list(measure(table, 1, 5, effects=False)) == [1]
+    assert len(table.trials["vision: Hough and vote (our reading), one picture"]) == 1
+
+
+def test_the_command_prints_one_json_object():
+    result = CliRunner().invoke(app, ["angle", "--trials", "1", "--no-effects", "--json"])
+    assert result.exit_code == 0, result.output
+    told = json.loads(result.stdout)
+    assert told["seeds"] == [1000, 1000]
+    assert "fermat, 60 deg window, 1 s" in told["rows"]
