@@ -30,7 +30,7 @@ POOR = 0.8
 
 
 def best_start(solver: RotorSolver, params: Float) -> tuple[Float, float]:
-    """Return the parameters of the cheapest settled fit, and the cost of the best quite other pitch."""
+    """Return the cheapest settled fit, and the cost of the best at quite another pitch."""
     fitted = [solver.run(guess, 8) for guess in _common_pitches(solver, params)]
     costs = [solver.cost(guess) for guess in fitted]
     order = np.argsort(costs)
