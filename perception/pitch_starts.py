@@ -19,12 +19,16 @@ PITCHES = slice(kernel.PITCH, kernel.SPACING)
 PITCH_STARTS_DEG = (-4.0, 10.0, 24.0, 38.0, 52.0, 66.0, 80.0, 94.0)
 FULL_STARTS = 3
 APART_RAD = math.radians(9.0)
+HOPELESS = 3.0
+"""Times the cheapest start's cost: not worth a full fit."""
 RIVAL_RAD = math.radians(25.0)
 """Two pitches this far apart are not two measures of the same one."""
 ROWS_OF_A_START = 450
 HOPS_RAD = (math.radians(14.0), math.radians(-14.0))
 RANGE_RAD = (math.radians(60.0), math.radians(80.0))
 """Middle and half of the pitches that a blade may start at."""
+GOOD = 0.5
+"""Mean cost a row below which no other pitch need be tried."""
 POOR = 0.8
 """Mean cost a row of a blade above which one may stand apart from the others."""
 
@@ -56,7 +60,9 @@ def _common_pitches(solver: RotorSolver, params: Float) -> list[Float]:
         tries.append((solver.cost(guess, 12.0, every), guess))
     tries.sort(key=lambda t: t[0])
     chosen: list[Float] = []
-    for _, guess in tries:
+    for cost, guess in tries:
+        if cost > HOPELESS * tries[0][0]:
+            break
         apart = [abs(float((guess - other)[PITCHES].mean())) > APART_RAD for other in chosen]
         if all(apart):
             chosen.append(guess)
@@ -70,6 +76,8 @@ def _hopped(solver: RotorSolver, params: Float, cost: float) -> Float:
     cross: a hop does.
     """
     best = params
+    if cost < GOOD * len(solver.rows.r_m):
+        return best
     for hop in HOPS_RAD:
         while True:
             guess = best.copy()
