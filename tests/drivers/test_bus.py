@@ -18,7 +18,7 @@ def end_point():
 
 async def until(condition, timeout_s=5.0):
     async with asyncio.timeout(timeout_s):
-        while not condition():
+        while not condition():  # noqa: ASYNC110 - a list that fills tells nobody
             await asyncio.sleep(0.01)
 
 
