@@ -38,6 +38,8 @@ from perception.tower_reference import tower_reference
 from perception.values import Float
 
 MIN_POINTS = 60
+MIN_ARM_M = 1.2
+"""Occupied length of each arm in the coarse image: the edge of a feathered blade fills little."""
 MIN_SEEN_M = 2.5
 """Of each blade."""
 ROUNDS, SETTLING = 3, 7
@@ -148,7 +150,7 @@ def _coarse(
         return Refusal(RefusalCode.NO_PLANE, "the planes found hold too few points")
     best = max(usable, key=lambda c: c.score)
     shortest = min(best.arms_m)
-    if shortest < 2.0:
+    if shortest < MIN_ARM_M:
         code = RefusalCode.TWO_BLADES if sorted(best.arms_m)[1] > 4.0 else RefusalCode.NOT_A_ROTOR
         return Refusal(code, f"the weakest of three arms is occupied over {shortest:.1f} m")
     return best
