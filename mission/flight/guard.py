@@ -239,12 +239,32 @@ class Guard:
         # The vehicle's own speed lags what was asked for: only a real excess is an excess.
         if bool((flown > allowed + 0.3).any()):
             return setpoint, True
-        over = asked > allowed + 1e-6
-        if not over.any():
+        if not (asked > allowed + 1e-6).any():
             return setpoint, False
-        scale = float((allowed[over] / asked[over]).min())
-        position, slowed = here + scale * lead, scale * fed
-        return Setpoint(_vec(position), _vec(slowed), setpoint.yaw_rad), False
+        lead, fed = _without_closing(lead, fed, near.units, allowed)
+        return Setpoint(_vec(here + lead), _vec(fed), setpoint.yaw_rad), False
+
+
+def _without_closing(lead: Float, fed: Float, units: Float, allowed: Float) -> tuple[Float, Float]:
+    """Return lead and velocity without what closes on anything faster than allowed.
+
+    Only the part towards the obstacle is taken away, so that the vehicle slides along it; where
+    several hem it in, all of the motion is scaled down.
+    """
+    slid, slid_fed = lead, fed
+    for _ in range(6):
+        asked = units @ (0.95 * slid + slid_fed)
+        worst = int((asked - allowed).argmax())
+        if asked[worst] <= allowed[worst] + 1e-6:
+            return slid, slid_fed
+        share = (asked[worst] - allowed[worst]) / asked[worst]
+        toward = units[worst]
+        slid = slid - share * (slid @ toward) * toward
+        slid_fed = slid_fed - share * (slid_fed @ toward) * toward
+    asked = units @ (0.95 * lead + fed)
+    over = asked > allowed + 1e-6
+    scale = float((allowed[over] / asked[over]).min())
+    return scale * lead, scale * fed
 
 
 class _Near:

@@ -27,6 +27,9 @@ Mask = NDArray[np.bool_]
 
 #: Kept beside the guard's clearance for wander, lag and the vehicle's position error.
 TRACKING_MARGIN_M = 1.0
+#: To tower and neighbour blades, which a whole pass may lie beside: near the clearance the guard
+#: lets nothing move but slowly. (Nacelle and hub are only met at a pass's end.)
+OTHERS_MARGIN_M = 1.8
 GROUND_MARGIN_M = 12.0
 #: The distance changes by at most this per metre of blade: a gentle line to fly.
 MAX_SLOPE = 0.6
@@ -229,6 +232,9 @@ def _views(
     offsets = np.stack(views)[:, None, :] * distances[None, :, None]
     points = (offsets[:, :, None, :] + feet).reshape(-1, 3)
     parts = model.part_distances(points) - settings.airframe.radius_m
+    # What is not the blade itself is judged as that much nearer.
+    others = np.array([each is not frame for each in model.frames] + [True, False, False])
+    parts = parts - (OTHERS_MARGIN_M - TRACKING_MARGIN_M) * others
     shape = (len(angles), len(distances), len(grid))
     clearance = parts.min(axis=1).reshape(shape)
     nearest = parts.argmin(axis=1).reshape(shape)

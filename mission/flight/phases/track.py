@@ -26,6 +26,9 @@ from perception.values import Float
 #: Nearer than this to a leg's line the vehicle joins it directly.
 JOIN_M = 3.0
 MOVED_S = 2.0
+#: Less far in this time is no progress: the leg is left, and comes again with the gaps.
+STUCK_M = 1.5
+STUCK_S = 20.0
 
 
 class Track:
@@ -41,10 +44,13 @@ class Track:
         self._registration = Registration()
         self._gaps: list[Leg] | None = None
         self._speed = 1.0
+        self._got_to_w: Float | None = None
+        self._got_s = 0.0
 
     def resume(self, _flight: Flight) -> None:
         """Find the way back to where the leg was left."""
         self._moving = self._running = False
+        self._got_to_w = None
 
     def skip(self, flight: Flight) -> None:
         """Leave the side that is being flown; the next one follows."""
@@ -66,9 +72,20 @@ class Track:
         if not self._shooter.left:
             self._finish_leg(flight)
             return Intent("leg flown", setpoint=flight.hold())
+        if self._stuck(flight):
+            flight.note("pass", f"left {self._leg.blade} {self._leg.side}: no way ahead")
+            self._finish_leg(flight)
+            return Intent("no way ahead", setpoint=flight.hold())
         if self._running:
             return self._run(flight, self._leg, self._shooter)
         return self._transit(flight, self._leg, self._shooter)
+
+    def _stuck(self, flight: Flight) -> bool:
+        """Return whether the vehicle has not got on for a while, whatever keeps it."""
+        here = flight.here_w
+        if self._got_to_w is None or float(np.linalg.norm(here - self._got_to_w)) > STUCK_M:
+            self._got_to_w, self._got_s = here, flight.now_s
+        return flight.now_s - self._got_s > STUCK_S
 
     # --- legs -----------------------------------------------------------------------------
 
@@ -105,6 +122,7 @@ class Track:
             flight.leg_index += 1
         self._leg = self._shooter = None
         self._moving = self._running = False
+        self._got_to_w = None
 
     # --- moving ---------------------------------------------------------------------------
 
