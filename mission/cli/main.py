@@ -12,7 +12,13 @@ from typing import Annotated
 
 import typer
 
-from mission.cli import config_command, remote_commands, report_commands, serve_command
+from mission.cli import (
+    bench_command,
+    config_command,
+    remote_commands,
+    report_commands,
+    serve_command,
+)
 from mission.cli import simulate_command as simulation
 from mission.cli.exits import Exit
 
@@ -29,6 +35,7 @@ app.command("serve")(serve_command.serve)
 remote_commands.mount(app)
 report_commands.mount(app)
 app.add_typer(config_command.app, name="config", help="Show and check the configuration.")
+app.add_typer(bench_command.app, name="bench", help="Measure what the README states.")
 
 
 def _version(wanted: bool) -> None:
