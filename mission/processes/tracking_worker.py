@@ -39,6 +39,12 @@ from perception.warm_up import warm_up_tracking
 #: Occupied points handed to the guard: all that a setpoint could lead near.
 AROUND_M = 30.0
 AROUND_POINTS = 1500
+#: Turning faster than this, points farther than the reach are a metre or more out of place.
+TURNING_RPS = math.radians(4.0)
+TURNING_REACH_M = 15.0
+STEADY_REACH_M = 45.0
+#: What was not seen again for so long is left to the model: the position drifts meanwhile.
+KEPT_S = 120.0
 #: Scans are joined over this time for the blade's line.
 BLADE_WINDOW_S = 0.3
 RATE_WINDOW = 10
@@ -101,13 +107,26 @@ class TrackingWorker:
         points_w, origins_w = points_in_world(scan, list(self._inbox.poses), self._settings.lidar)
         if not repeated:
             origin = origins_w[-1] if len(origins_w) else position_w
-            self._memory.update(points_w, scan.stamp_s, origin)
+            near = np.linalg.norm(points_w - origin, axis=1) < self._reach_m()
+            self._memory.update(points_w[near], scan.stamp_s, origin)
         self._publish_clearance(scan, position_w, repeated=repeated)
         task = self._inbox.task
         if task.mode is SensingMode.BLADE:
             self._follow_blade(task, points_w, scan.stamp_s, position_w)
         else:
             self._foot_w = None
+
+    def _reach_m(self) -> float:
+        """Return how far a point may be to be kept: a turning vehicle smears what is far."""
+        poses = list(self._inbox.poses)[-8:]
+        if len(poses) < 2 or poses[-1].stamp_s <= poses[0].stamp_s:
+            return TURNING_REACH_M
+        ahead = [
+            rotation_from_quaternion(pose.quaternion_wb)[:, 0] for pose in (poses[0], poses[-1])
+        ]
+        turned = math.acos(min(1.0, max(-1.0, float(ahead[0] @ ahead[1]))))
+        rate = turned / (poses[-1].stamp_s - poses[0].stamp_s)
+        return TURNING_REACH_M if rate > TURNING_RPS else STEADY_REACH_M
 
     def _publish_clearance(self, scan: Scan, position_w: Float, *, repeated: bool) -> None:
         self._stamps.append(scan.stamp_s)
@@ -122,7 +141,9 @@ class TrackingWorker:
             scan_rate_hz=rate_hz,
             repeated=repeated,
         )
-        around = self._memory.around(position_w, AROUND_M, AROUND_POINTS)
+        around = self._memory.around(
+            position_w, AROUND_M, AROUND_POINTS, not_before_s=scan.stamp_s - KEPT_S
+        )
         self._bus.publish(Key.OCCUPANCY, encode_points(around, scan.stamp_s), encoding=POINT_CLOUD)
         self._bus.publish(Key.CLEARANCE, _CLEARANCE.dump_json(state))
 
