@@ -1,6 +1,6 @@
 """How fast the simulated world runs: a slow pace by the load, a quick brake by its renderer.
 
-The pace lies between real time and three times as fast and yields to a loaded machine: faster, the
+The pace lies between real time and 2.5 times as fast and yields to a loaded machine: faster, the
 way of a scan through the processes would take too much of its 0.3 s of mission time. The brake
 makes the world wait, down to a standstill, for its own renderer and for nobody else.
 """
@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-_SLOWEST, _FASTEST, _FIRST = 1.0, 3.0, 2.0
+_SLOWEST, _FASTEST, _FIRST = 1.0, 2.5, 1.5
 #: Mission seconds by which the newest finished scan may lag: from here the world slows, there it
 #: stands. A scan is 0.1 s long, so that much is never behind.
 _LAG_EASY_S, _LAG_STAND_S = 0.22, 0.45

@@ -244,7 +244,7 @@ def serve(renderer: Renderer, connection: Connection) -> None:
 
 def main(run_dir: Path) -> None:
     """Run the process: connect to the world, draw, judge, leave."""
-    os.nice(_NICE)
+    os.setpriority(os.PRIO_PROCESS, 0, _NICE)
     # The sensor's sender must get its turn beside the casting, thousands of times a second.
     sys.setswitchinterval(0.0005)
     # The world ends this process through the link; a terminal's Ctrl-C reaches all at once.

@@ -409,4 +409,4 @@ def _executor() -> ThreadPoolExecutor:
 
 
 if __name__ == "__main__":
-    run_process("flight", fly)
+    run_process("flight", fly, niceness=-10)

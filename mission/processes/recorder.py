@@ -166,4 +166,4 @@ async def record(runtime: Runtime) -> None:
 
 
 if __name__ == "__main__":
-    run_process("recorder", record)
+    run_process("recorder", record, niceness=4)

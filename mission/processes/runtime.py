@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
+import os
 import signal
 import sys
 from collections.abc import Awaitable, Callable, Coroutine
@@ -54,10 +56,17 @@ def configure_logging(name: str, run_dir: Path | None = None) -> None:
     logging.basicConfig(level=logging.INFO, handlers=[handler], force=True)
 
 
-def run_process(name: str, main: Callable[[Runtime], Coroutine[None, None, None]]) -> None:
-    """Entry point of a child process: run ``main`` until it ends, the parent leaves or SIGTERM."""
+def run_process(
+    name: str, main: Callable[[Runtime], Coroutine[None, None, None]], *, niceness: int = 0
+) -> None:
+    """Entry point of a child process: run ``main`` until it ends, the parent leaves or SIGTERM.
+
+    ``niceness`` below 0 (what flies comes first) takes effect where the system grants it.
+    """
     run_dir = Path(sys.argv[1])
     configure_logging(name, run_dir)
+    with contextlib.suppress(PermissionError):
+        os.setpriority(os.PRIO_PROCESS, 0, niceness)
     try:
         asyncio.run(_until_told(Runtime.load(run_dir), main))
     except KeyboardInterrupt:

@@ -130,4 +130,4 @@ async def _report_health(runtime: Runtime, bus: Bus, counts: _Counts) -> None:
 
 
 if __name__ == "__main__":
-    run_process("sensing", sense)
+    run_process("sensing", sense, niceness=-6)

@@ -337,4 +337,4 @@ async def track(runtime: Runtime) -> None:
 
 
 if __name__ == "__main__":
-    run_process("tracking", track)
+    run_process("tracking", track, niceness=-6)

@@ -26,7 +26,7 @@ SETTINGS = [word for key, value in SMALL.items() for word in ("--set", f"{key}={
 
 @pytest.fixture(scope="module")
 def flown(fly):
-    return fly("--seed", "1", *SETTINGS)
+    return fly("--seed", "1", "--speed", "1.5", *SETTINGS)
 
 
 def test_it_completes_and_prints_one_json_object_and_nothing_else(flown):
