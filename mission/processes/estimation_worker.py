@@ -5,7 +5,6 @@ A fit takes many milliseconds; here it keeps nothing waiting but the next fit.
 
 from __future__ import annotations
 
-import asyncio
 from collections import deque
 from dataclasses import dataclass, field, replace
 
@@ -75,16 +74,7 @@ class EstimationWorker:
     async def run(self) -> None:
         """Work through the newest scan, again and again, until cancelled."""
         warm_up_estimation(self._settings)
-        ready = asyncio.create_task(self._inbox.say_ready("estimation"))
-        try:
-            await self._work()
-        finally:
-            ready.cancel()
-
-    async def _work(self) -> None:
-        while True:
-            self._take(await self._inbox.next_scan())
-            await asyncio.sleep(0)
+        await self._inbox.work("estimation", self._take)
 
     def _take(self, scan: Scan) -> None:
         task = self._inbox.task

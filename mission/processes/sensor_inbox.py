@@ -6,6 +6,7 @@ import asyncio
 import logging
 import math
 from collections import deque
+from collections.abc import Callable
 
 import numpy as np
 from pydantic import TypeAdapter
@@ -57,7 +58,17 @@ class SensorInbox:
             except TimeoutError:
                 continue
 
-    async def say_ready(self, name: str) -> None:
+    async def work(self, name: str, take: Callable[[Scan], None]) -> None:
+        """Hand the newest scan to a worker, again and again, until cancelled; tell it is ready."""
+        ready = asyncio.create_task(self._say_ready(name))
+        try:
+            while True:
+                take(await self.next_scan())
+                await asyncio.sleep(0)
+        finally:
+            ready.cancel()
+
+    async def _say_ready(self, name: str) -> None:
         """Tell flight, again and again, that this worker can work."""
         message = ReadyMessage(name=name).model_dump_json().encode()
         while True:

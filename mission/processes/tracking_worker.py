@@ -5,7 +5,6 @@ A process of its own, so that neither packets nor estimates wait for it, nor it 
 
 from __future__ import annotations
 
-import asyncio
 import math
 from collections import deque
 
@@ -86,16 +85,7 @@ class TrackingWorker:
     async def run(self) -> None:
         """Work through the newest scan, again and again, until cancelled."""
         warm_up_tracking()
-        ready = asyncio.create_task(self._inbox.say_ready("tracking"))
-        try:
-            await self._work()
-        finally:
-            ready.cancel()
-
-    async def _work(self) -> None:
-        while True:
-            self._take_scan(await self._inbox.next_scan())
-            await asyncio.sleep(0)
+        await self._inbox.work("tracking", self._take_scan)
 
     # --- scans --------------------------------------------------------------------------------
 
