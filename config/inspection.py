@@ -15,7 +15,7 @@ BladeName = Literal["A", "B", "C"]
 class Ascent(ConfigModel):
     """Climb along the tower, outside the closed sphere, until the prior hub is known."""
 
-    takeoff_height_m: Annotated[float, Field(ge=10, le=50)] = 10.0
+    takeoff_height_m: Annotated[float, Field(ge=10, le=50)] = 12.0
     """Over the ground, which counts as an obstacle like any other."""
     stand_off_m: Positive = 25.0
     """Horizontal distance wanted from the tower's axis in front of the rotor."""

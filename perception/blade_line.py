@@ -121,6 +121,26 @@ def fit_blade_line(
     )
 
 
+def outside_cone(
+    points_w: Float, end_w: Float, other_w: Float, radii_m: tuple[float, float]
+) -> Float:
+    """Return the points (M, 3) outside a truncated cone, such as the tower beside a blade.
+
+    ``points_w``: (N, 3); ``end_w``, ``other_w``: (3,) ends of its axis; ``radii_m``: at each end.
+    """
+    axis = other_w - end_w
+    length = float(np.linalg.norm(axis))
+    axis = axis / max(length, 1e-9)
+    offset = points_w - end_w
+    along = offset @ axis
+    square = np.einsum("nk,nk->n", offset, offset) - along**2
+    share = np.clip(along / max(length, 1e-9), 0.0, 1.0)
+    radius = radii_m[0] + (radii_m[1] - radii_m[0]) * share
+    inside = (square < radius**2) & (along > -radii_m[0]) & (along < length + radii_m[1])
+    outside: Float = points_w[~inside]
+    return outside
+
+
 @compiled
 def _select(
     points: Float, root: Float, axis: Float, side: Float, view: Float, beside: float,

@@ -113,6 +113,8 @@ class SensingTask:
     blade_tip_w: Vec3 | None = None
     half_width_m: float = 3.0
     """Points within this distance of the modelled axis belong to the blade."""
+    others: tuple[tuple[Vec3, Vec3, float, float], ...] = ()
+    """Solids that are not blades, as truncated cones (end, end, radius at each, metres)."""
 
 
 @dataclass(frozen=True, slots=True)

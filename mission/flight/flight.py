@@ -295,6 +295,7 @@ class Flight:
             blade_root_w=_vec(root_w),
             blade_tip_w=_vec(tip_w),
             half_width_m=half_width_m,
+            others=() if self.model is None else self.model.not_blades(),
         )
 
 

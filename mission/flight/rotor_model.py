@@ -8,6 +8,7 @@ position, droop (growing towards the tip), prebend. World ENU, metres; points ar
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from config.turbine import Turbine
+from mission.flight.observation import Vec3
 from mission.flight.sides import BladeFrame, blade_frame
 from perception.values import Float
 
@@ -70,6 +72,17 @@ class RotorModel:
         """Return each part's distance (B + 3,) from one point and its nearest point (B + 3, 3)."""
         distances, towards = self._parts(point_w[None, :])
         return distances[0], point_w + towards[0] * distances[0][:, None]
+
+    def not_blades(self) -> tuple[tuple[Vec3, Vec3, float, float], ...]:
+        """Return tower and nacelle as truncated cones: two ends, the radius at each, metres."""
+        base, top = self.tower_radii
+        foot = self.tower_top_w - self.tower_height_m * self.tower_axis_w
+        reach = self.box_half[0] * self.box_axes[0]
+        radius = math.hypot(self.box_half[1], self.box_half[2])
+        return (
+            (_vec(self.tower_top_w), _vec(foot), top, base),
+            (_vec(self.box_centre_w - reach), _vec(self.box_centre_w + reach), radius, radius),
+        )
 
     def _parts(self, points: Float) -> tuple[Float, Float]:
         """Return distances (N, P) and unit vectors (N, P, 3) from the points to each part."""
@@ -214,3 +227,7 @@ def _sections(frame: BladeFrame, turbine: Turbine) -> tuple[Float, Float, NDArra
     lead = np.cos(angles)[:, None] * frame.rotation_w + np.sin(angles)[:, None] * frame.upwind_w
     bend = prebend[:, None] * frame.pressure(frame.pitch_rad)
     return bend + ahead[:, None] * lead, -(ahead + behind)[:, None] * lead, half + inflation
+
+
+def _vec(values: Float) -> Vec3:
+    return float(values[0]), float(values[1]), float(values[2])

@@ -45,11 +45,12 @@ class _Gathered:
 
     task_id: int
     begun_s: float
-    clouds: deque[tuple[float, Float, Float]] = field(default_factory=deque)
+    turbine: str = ""
     survey: TowerSurvey | None = None
-    motion: RotorMotionWatch | None = None
     side: SurveyResult | None = None
     """The last look in which the rotor's side was seen."""
+    clouds: deque[tuple[float, Float, Float]] = field(default_factory=deque)
+    motion: RotorMotionWatch | None = None
     estimator: RotorEstimator | None = None
     last_result_s: float = float("-inf")
     prior: SurveyResult | None = None
@@ -81,7 +82,10 @@ class EstimationWorker:
         if task.mode not in (SensingMode.TOWER, SensingMode.ROTOR):
             return
         if task.task_id != self._gathered.task_id:
-            self._gathered = _Gathered(task.task_id, scan.stamp_s)
+            # The tower does not move: what was seen of it serves the next task too.
+            same = self._gathered.turbine == task.turbine
+            survey, side = (self._gathered.survey, self._gathered.side) if same else (None, None)
+            self._gathered = _Gathered(task.task_id, scan.stamp_s, task.turbine, survey, side)
         points_w, origins_w = points_in_world(
             scan, list(self._inbox.poses), self._settings.lidar, trusted_only=True
         )
@@ -103,17 +107,17 @@ class EstimationWorker:
             gathered.motion.update(points_w, stamp_s)
         if stamp_s - gathered.last_result_s >= SURVEY_PERIOD_S:
             gathered.last_result_s = stamp_s
-            self._look(gathered, turbine)
+            self._look(gathered, task, turbine)
         if gathered.prior is not None and stamp_s - gathered.last_prior_s >= PRIOR_PERIOD_S:
             gathered.last_prior_s = stamp_s
             prior = _prior(gathered.prior, self._turning(gathered))
             self._bus.publish(Key.HUB_PRIOR, _HUB_PRIOR.dump_json(prior))
 
-    def _look(self, gathered: _Gathered, turbine: Turbine | None) -> None:
+    def _look(self, gathered: _Gathered, task: SensingTask, turbine: Turbine | None) -> None:
         result = None if gathered.survey is None else gathered.survey.result()
         if result is None:
             return
-        gathered.prior = result = _with_side(result, gathered)
+        gathered.prior = result = _with_side(result, gathered, task)
         if gathered.motion is None and result.normal_w is not None:
             radius_m = 50.0 if turbine is None else turbine.rotor_radius_m
             gathered.motion = RotorMotionWatch(
@@ -170,19 +174,22 @@ class EstimationWorker:
         self._bus.publish(Key.ROTOR, _ROTOR.dump_json(estimate))
 
 
-def _with_side(result: SurveyResult, gathered: _Gathered) -> SurveyResult:
+def _with_side(result: SurveyResult, gathered: _Gathered, task: SensingTask) -> SurveyResult:
     """Return the result with the side last seen where this look alone leaves it open.
 
-    A rotor does not lose its side between two looks; a view of few points does.
+    A rotor does not lose its side between two looks; a view of few points does. A flight that
+    measures again says which side it has known.
     """
     if result.normal_w is not None:
         gathered.side = result
         return result
     known = gathered.side
-    if known is None or result.stamp_s - known.stamp_s > SIDE_KEPT_S:
+    if known is not None and result.stamp_s - known.stamp_s <= SIDE_KEPT_S:
+        moved_m = float(np.linalg.norm((result.tower.foot_w - known.tower.foot_w)[:2]))
+        return result if moved_m > SIDE_MOVED_M else replace(known, stamp_s=result.stamp_s)
+    if task.normal_w is None or task.hub_w is None:
         return result
-    moved_m = float(np.linalg.norm((result.tower.foot_w - known.tower.foot_w)[:2]))
-    return result if moved_m > SIDE_MOVED_M else replace(known, stamp_s=result.stamp_s)
+    return replace(result, normal_w=np.asarray(task.normal_w), hub_w=np.asarray(task.hub_w))
 
 
 def _prior(result: SurveyResult, turning: bool | None) -> HubPrior:

@@ -25,7 +25,7 @@ from mission.flight.observation import (
 )
 from mission.processes.runtime import Runtime, run_process
 from mission.processes.sensor_inbox import SensorInbox
-from perception.blade_line import fit_blade_line
+from perception.blade_line import fit_blade_line, outside_cone
 from perception.clearance import OccupancyMemory, RepeatedScans
 from perception.deskew import points_in_world
 from perception.exposure import ExposureControl, exposure_control
@@ -47,6 +47,8 @@ KEPT_S = 120.0
 #: Scans are joined over this time for the blade's line.
 BLADE_WINDOW_S = 0.3
 RATE_WINDOW = 10
+#: Points this near to tower and nacelle are theirs: the position may be off by so much.
+OTHERS_SKIN_M = 0.6
 #: From a setting acknowledged to the first frame exposed with it, until it is learned.
 EXPOSURE_LATENCY_S = 0.25
 EXPOSURE_GIVEN_UP_S = 1.5
@@ -150,6 +152,9 @@ class TrackingWorker:
             return
         root_w, tip_w = np.asarray(task.blade_root_w), np.asarray(task.blade_tip_w)
         joined = np.concatenate([points for _, points in self._recent])
+        for end_w, other_w, radius_m, other_radius_m in task.others:
+            radii = (radius_m + OTHERS_SKIN_M, other_radius_m + OTHERS_SKIN_M)
+            joined = outside_cone(joined, np.asarray(end_w), np.asarray(other_w), radii)
         turbine = self._turbines.get(task.turbine)
         line = fit_blade_line(
             joined,

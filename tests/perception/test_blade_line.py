@@ -5,7 +5,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from perception.blade_line import fit_blade_line
+from perception.blade_line import fit_blade_line, outside_cone
 
 ROOT = np.array([2.0, 5.0, 60.0])
 
@@ -114,3 +114,16 @@ def test_twenty_thousand_points_are_fitted_fast():
     for _ in range(5):
         fit(points, vehicle, direction)
     assert (time.perf_counter() - start) / 5 < 0.03
+
+
+def test_points_of_a_tower_beside_the_blade_are_left_out():
+    rng = np.random.default_rng(1)
+    top, foot = np.array([4.0, 0.0, 80.0]), np.array([4.0, 0.0, 0.0])
+    height = rng.uniform(0, 80, 4000)
+    radius = 1.2 + (2.0 - 1.2) * (80 - height) / 80 + rng.normal(0, 0.03, 4000)
+    angle = rng.uniform(-np.pi, np.pi, 4000)
+    tower = np.stack([4 + radius * np.cos(angle), radius * np.sin(angle), height], axis=1)
+    hanging = np.stack([rng.uniform(-0.4, 0.4, 500), rng.uniform(-1, 1, 500),
+                        rng.uniform(40, 78, 500)], axis=1)  # fmt: skip
+    left = outside_cone(np.concatenate([tower, hanging]), top, foot, (1.2 + 0.5, 2.0 + 0.5))
+    assert np.array_equal(left, hanging)

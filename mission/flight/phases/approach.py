@@ -13,6 +13,7 @@ from perception.values import Float
 
 ARC_SPEED_MPS = 5.0
 STILL_S = 15.0
+SIDE_LOST_S = 10.0
 FRONT_WITHIN_M = 4.0
 #: A goal that moves by more than this is flown to anew.
 MOVED_M = 2.5
@@ -28,6 +29,7 @@ class Approach:
         self._moving = False
         self._waiting_s: float | None = None
         self._goal: Float | None = None
+        self._lost_s: float | None = None
 
     def resume(self, _flight: Flight) -> None:
         """Work the way out again from here."""
@@ -36,9 +38,12 @@ class Approach:
     def step(self, flight: Flight) -> Intent:
         """Fly round, wait until the rotor is known to be still, fly in."""
         normal = flight.normal_w
+        if normal is None and self._unknown(flight):
+            return Intent("looking for the side of the rotor", setpoint=flight.hold())
         if normal is None:
             words = "the side of the rotor is not known any more"
             return leave(flight, Intent(words, flight.hold()), MissionState.REFUSED, words)
+        self._lost_s = None
         hub = flight.hub_w
         yaw, gimbal = flight.yaw_to(hub), flight.aim_at(hub)
         if not self._inward:
@@ -56,6 +61,14 @@ class Approach:
             "approaching the hub", setpoint=setpoint, gimbal=gimbal,
             then=Estimate() if done else None,
         )  # fmt: skip
+
+    def _unknown(self, flight: Flight) -> bool:
+        """Return whether the side, lost from view, may still be seen again from here."""
+        flight.sense(SensingMode.TOWER)
+        self._moving = False
+        if self._lost_s is None:
+            self._lost_s = flight.now_s
+        return flight.now_s - self._lost_s < SIDE_LOST_S
 
     def _round(self, flight: Flight, hub: Float, normal: Float, yaw: float) -> Intent:
         flight.sense(SensingMode.TOWER)

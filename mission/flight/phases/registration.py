@@ -21,6 +21,10 @@ MOST_M = 3.0
 #: Beyond drift and droop: the droop grows with the metre.
 MOVED_M = 3.0
 MOVED_PER_METRE = 0.03
+#: A blade does not jump: an offset that does is something else's, or found again after a loss.
+JUMP_M = 1.5
+#: Unless it stays: then it is what the sensor sees now.
+JUMP_STAYS_S = 3.0
 PUSH_MPS = 0.4
 MOST_PUSH_M = 4.0
 
@@ -36,11 +40,14 @@ class Registration:
         self._push = 0.0
         self._stamp_s = -math.inf
         self._blade = ""
+        self._begun = False
+        self._jumped_s = 0.0
 
     def begin(self, blade: str) -> None:
         """Begin a leg. What was learnt on another blade is mostly its own droop: start anew."""
         if blade != self._blade:
-            self._drift = np.zeros(3)
+            self._drift, self._begun = np.zeros(3), False
+        self._jumped_s = 0.0
         self._blade, self._push, self.moved_s = blade, 0.0, 0.0
         self.shift_w = self._drift
 
@@ -62,7 +69,7 @@ class Registration:
             self._stamp_s = track.stamp_s
             offset = np.array(track.offset_w)
             size = float(np.linalg.norm(offset))
-            if math.isfinite(size):
+            if math.isfinite(size) and not self._jumped(offset, step_s):
                 limit = MOVED_M + MOVED_PER_METRE * max(0.0, leg.metre_of(flight.here_w))
                 self.moved_s = self.moved_s + step_s if size > limit else 0.0
                 bounded = offset * min(1.0, MOST_M / max(size, 1e-6))
@@ -70,6 +77,19 @@ class Registration:
         self._push_outward(flight, leg)
         self.shift_w = self._drift + self._push * leg.view_w
         return self.shift_w
+
+    def _jumped(self, offset: Float, step_s: float) -> bool:
+        """Return whether an offset is not believed yet, because it came from one scan to the next.
+
+        What is seen first of a blade is believed: there is nothing to have jumped from.
+        """
+        bounded = offset * min(1.0, MOST_M / max(float(np.linalg.norm(offset)), 1e-6))
+        apart = float(np.linalg.norm(bounded - self._drift))
+        if not self._begun or apart < JUMP_M or self._jumped_s > JUMP_STAYS_S:
+            self._begun, self._jumped_s = True, 0.0 if apart < JUMP_M else self._jumped_s
+            return False
+        self._jumped_s += step_s
+        return True
 
     def _push_outward(self, flight: Flight, leg: Leg) -> None:
         """Below the wanted surface clearance of this blade, move out; come back slowly."""

@@ -1,0 +1,62 @@
+"""What the flight believes of a measured offset, and what it takes for a moved rotor."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from config.settings import Settings
+from mission.flight.observation import BladeTrack
+from mission.flight.phases.registration import Registration
+
+LEG = SimpleNamespace(
+    blade="A", view_w=np.array([0.0, -1.0, 0.0]), metre_of=lambda _: 10.0, axis_w=np.eye(3)[2]
+)
+
+
+def seen(registration, offsets, *, blade="A", begin_s=0.0):
+    """Feed offsets (N, 3), ten a second; return the last shift and the longest `moved_s`."""
+    longest, shift = 0.0, np.zeros(3)
+    for index, offset in enumerate(offsets):
+        now_s = begin_s + 0.1 * index
+        track = BladeTrack(now_s, blade, (0, 0, 0), (0, 0, 1), 12.0, 500.0, tuple(offset), 0.1)
+        flight = SimpleNamespace(
+            observation=SimpleNamespace(blade=track, clearance=None), now_s=now_s, dt_s=0.1,
+            here_w=np.zeros(3), settings=Settings(),
+        )  # fmt: skip
+        shift = registration.update(flight, LEG)
+        longest = max(longest, registration.moved_s)
+    return shift, longest
+
+
+@pytest.fixture
+def registration():
+    """One that has followed a blade 0.5 m beside its model for three seconds."""
+    registration = Registration()
+    registration.begin("A")
+    seen(registration, np.tile([0.5, 0.0, 0.0], (30, 1)))
+    return registration
+
+
+def test_the_plan_follows_a_steady_offset(registration):
+    shift, longest = seen(registration, np.tile([0.5, 0.0, 0.0], (30, 1)), begin_s=3.0)
+    assert shift == pytest.approx([0.5, 0.0, 0.0], abs=0.02)
+    assert longest == 0.0
+
+
+def test_an_offset_that_jumps_for_a_moment_is_not_followed(registration):
+    shift, longest = seen(registration, np.tile([0.5, 3.7, 0.0], (25, 1)), begin_s=3.0)
+    assert shift == pytest.approx([0.5, 0.0, 0.0], abs=0.1)
+    assert longest == 0.0
+
+
+def test_a_blade_that_creeps_away_is_a_moved_rotor(registration):
+    creep = np.zeros((120, 3))
+    creep[:, 0] = 0.5 + 0.08 * np.arange(120)
+    _, longest = seen(registration, creep, begin_s=3.0)
+    assert longest > 2.0
+
+
+def test_an_offset_that_jumped_and_stays_is_a_moved_rotor(registration):
+    _, longest = seen(registration, np.tile([0.5, 4.5, 0.0], (70, 1)), begin_s=3.0)
+    assert longest > 2.0
