@@ -12,7 +12,6 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from config.presets import load_turbine
-from config.turbine import Turbine
 from drivers.bus import Bus, Key, Sample
 from drivers.codecs import POINT_CLOUD, BadMessage, decode_frame, encode_points
 from mission.flight.command import SensingMode, SensingTask
@@ -23,9 +22,9 @@ from mission.flight.observation import (
     ExposureState,
     Vec3,
 )
+from mission.processes.blade_follower import BladeFollower
 from mission.processes.runtime import Runtime, run_process
 from mission.processes.sensor_inbox import SensorInbox
-from perception.blade_line import fit_blade_line, outside_cone
 from perception.clearance import OccupancyMemory, RepeatedScans
 from perception.deskew import points_in_world
 from perception.exposure import ExposureControl, exposure_control
@@ -44,11 +43,7 @@ TURNING_REACH_M = 15.0
 STEADY_REACH_M = 45.0
 #: What was not seen again for so long is left to the model: the position drifts meanwhile.
 KEPT_S = 120.0
-#: Scans are joined over this time for the blade's line.
-BLADE_WINDOW_S = 0.3
 RATE_WINDOW = 10
-#: Points this near to tower and nacelle are theirs: the position may be off by so much.
-OTHERS_SKIN_M = 0.6
 #: From a setting acknowledged to the first frame exposed with it, until it is learned.
 EXPOSURE_LATENCY_S = 0.25
 EXPOSURE_GIVEN_UP_S = 1.5
@@ -72,11 +67,10 @@ class TrackingWorker:
         self._memory = OccupancyMemory(ignore_within_m=ignore_m)
         self._repeats = RepeatedScans()
         self._stamps: deque[float] = deque(maxlen=RATE_WINDOW)
-        self._recent: deque[tuple[float, Float]] = deque()
         self._turbines = {
             site.name: load_turbine(site.turbine, site.scale) for site in settings.sites
         }
-        self._task_id = -1
+        self._follower = BladeFollower(self._turbines)
         self._exposure: ExposureControl | None = None
         self._wanted_ev: float | None = None
         self._wanted_s = float("-inf")
@@ -142,45 +136,10 @@ class TrackingWorker:
     def _follow_blade(
         self, task: SensingTask, points_w: Float, stamp_s: float, position_w: Float
     ) -> None:
-        if task.task_id != self._task_id:
-            self._task_id = task.task_id
-            self._recent.clear()
-        self._recent.append((stamp_s, points_w))
-        while self._recent and stamp_s - self._recent[0][0] > BLADE_WINDOW_S:
-            self._recent.popleft()
-        if task.blade_root_w is None or task.blade_tip_w is None:
-            return
-        root_w, tip_w = np.asarray(task.blade_root_w), np.asarray(task.blade_tip_w)
-        joined = np.concatenate([points for _, points in self._recent])
-        for end_w, other_w, radius_m, other_radius_m in task.others:
-            radii = (radius_m + OTHERS_SKIN_M, other_radius_m + OTHERS_SKIN_M)
-            joined = outside_cone(joined, np.asarray(end_w), np.asarray(other_w), radii)
-        turbine = self._turbines.get(task.turbine)
-        line = fit_blade_line(
-            joined,
-            position_w,
-            root_w,
-            tip_w,
-            task.half_width_m,
-            half_thickness_m=_half_depth(turbine, task, position_w),
-        )
-        if line is None:
-            self._foot_w = None
-            return
-        self._foot_w = _vec(line.foot_w)
-        window_s = max(stamp_s - self._recent[0][0], 0.1)
-        track = BladeTrack(
-            stamp_s=stamp_s,
-            blade=task.blade,
-            foot_w=self._foot_w,
-            direction_w=_vec(line.direction_w),
-            distance_m=line.distance_m,
-            points_per_s=line.points / window_s,
-            offset_w=_vec(line.offset_w),
-            residual_m=line.residual_m,
-            tip_m=line.tip_m,
-        )
-        self._bus.publish(Key.BLADE, _BLADE.dump_json(track))
+        track = self._follower.follow(task, points_w, stamp_s, position_w)
+        self._foot_w = None if track is None else track.foot_w
+        if track is not None:
+            self._bus.publish(Key.BLADE, _BLADE.dump_json(track))
 
     # --- frames -------------------------------------------------------------------------------
 
@@ -304,21 +263,6 @@ def _looked_at(camera: CameraPose, root_w: Float, tip_w: Float) -> Float:
     share = 0.5 if parallel else float((b * e - d) / (a - b * b))
     nearest: Float = root_w + min(max(share, 0.0), 1.0) * axis
     return nearest
-
-
-def _half_depth(turbine: Turbine | None, task: SensingTask, position_w: Float) -> float:
-    """Return how far behind the near skin the axis lies, seen square to the chord."""
-    if turbine is None or task.blade_root_w is None or task.blade_tip_w is None:
-        return 0.0
-    root_w, tip_w = np.asarray(task.blade_root_w), np.asarray(task.blade_tip_w)
-    length = float(np.linalg.norm(tip_w - root_w))
-    share = float((position_w - root_w) @ (tip_w - root_w)) / length**2
-    blade = turbine.blade
-    chord = float(np.interp(share, blade.span, blade.chord_m))
-    if task.side in ("LE", "TE"):
-        axis = float(np.interp(share, blade.span, blade.pitch_axis))
-        return chord * (axis if task.side == "LE" else 1.0 - axis)
-    return 0.5 * chord * float(np.interp(share, blade.span, blade.thickness))
 
 
 def _vec(values: Float) -> Vec3:
