@@ -11,6 +11,8 @@ import typer
 from rich.console import Console
 from rich.table import Table as RichTable
 
+from mission.cli.bench_vehicle import vehicle
+
 if TYPE_CHECKING:
     from benchmarks.angle import Table
     from benchmarks.angle_summary import Row
@@ -48,6 +50,9 @@ _OF_FIT = (
 @app.callback()
 def _bench() -> None:
     """Measure what the README states."""
+
+
+app.command("vehicle")(vehicle)
 
 
 @app.command("angle")
