@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 from rich.table import Table as RichTable
 
+from mission.cli.bench_missions import missions
 from mission.cli.bench_vehicle import vehicle
 
 if TYPE_CHECKING:
@@ -53,6 +54,7 @@ def _bench() -> None:
 
 
 app.command("vehicle")(vehicle)
+app.command("missions")(missions)
 
 
 @app.command("angle")
@@ -95,6 +97,41 @@ def angle(
         sys.stdout.write(json.dumps(answer) + "\n")
         return
     _show(table, f"seeds {seeds[0]}-{seeds[1]}, {now}")
+
+
+@app.command("tracking")
+def tracking(
+    missions: Annotated[int, typer.Option(min=1, help="Whole inspections to fly.")] = 10,
+    seed: Annotated[int, typer.Option(help="Draws turbines, angles, winds, everything.")] = 1,
+    first: Annotated[int, typer.Option(min=0, help="Number of the first mission.")] = 0,
+    processes: Annotated[int, typer.Option(min=1, help="Side by side, one a core.")] = 2,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Fly whole inspections on a virtual clock and judge them by the true blades."""
+    import benchmarks.tracking as bench
+
+    notes = Console(stderr=True, highlight=False)
+    done = []
+    with notes.status(f"flying {missions} missions, seed {seed}") as status:
+        for mission in bench.missions(missions, seed, first, processes):
+            done.append(mission)
+            status.update(f"{len(done)} of {missions} missions, seed {seed}")
+    done.sort(key=lambda mission: mission.number)
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    if as_json:
+        sys.stdout.write(json.dumps(bench.as_json(done, seed, now)) + "\n")
+        return
+    out = Console(highlight=False, width=None if sys.stdout.isatty() else 200)
+    grid = RichTable(
+        title=f"Tracking, {missions} missions from {first}, seed {seed}, {now}",
+        title_justify="left",
+    )
+    for heading in ("", "measured", "goal", "met"):
+        grid.add_column(heading, justify="left" if not heading else "right")
+    for row in bench.rows(done):
+        met = "" if row.met is None else "yes" if row.met else "no"
+        grid.add_row(row.name, _cell(row.value, 3), row.goal, met)
+    out.print(grid)
 
 
 def _show(table: Table, subtitle: str) -> None:
