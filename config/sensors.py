@@ -46,6 +46,15 @@ class Camera(ConfigModel):
     sensor_width_mm: Positive = 7.6
     sensor_height_mm: Positive = 5.7
     focal_length_mm: Positive = 20.0
+    principal_point_px: tuple[float, float] | None = None
+    """Where the optical axis meets the picture at its full size; None: at its centre."""
+    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    """k1, k2, p1, p2, k3 of Brown and Conrady, in the order of OpenCV; from a calibration."""
+    maker: str = ""
+    """Written into photos whose camera does not say it itself."""
+    model: str = ""
+    time_sigma_s: Annotated[float, Field(ge=0, le=1)] = 0.03
+    """How far the time of a photo may be off."""
     offset_m: tuple[float, float, float] = (0.20, 0.0, -0.10)
     """Optical centre in the body frame (forward, left, up)."""
     min_interval_s: Positive = 1.2
@@ -65,4 +74,8 @@ class Gimbal(ConfigModel):
     max_yaw_deg: Annotated[float, Field(ge=0, le=320)] = 60.0
     max_rate_dps: Positive = 60.0
     aim_tolerance_deg: Positive = 1.0
+    pitch_sigma_deg: NotNegative = 0.2
+    """How far the optical axis is off its reported pitch (standard deviation)."""
+    yaw_sigma_deg: NotNegative = 1.0
+    """How far it is off its reported heading: mostly the error of the vehicle's compass."""
     component_id: Annotated[int, Field(ge=1, le=255)] = 154

@@ -18,6 +18,7 @@ from config.inspection import (
 )
 from config.links import Autopilot, Bus
 from config.model import ConfigModel
+from config.photos import Photos, Positioning
 from config.sensors import Camera, Gimbal, Lidar
 from config.simulation import Simulation
 from config.turbine import Site
@@ -43,6 +44,8 @@ class Settings(ConfigModel):
     exposure: Exposure = Exposure()
     guard: Guard = Guard()
     inspection: Inspection = Inspection()
+    photos: Photos = Photos()
+    positioning: Positioning = Positioning()
     sites: tuple[Site, ...] = ()
     """The turbines that missions may be started for."""
     simulation: Simulation = Simulation()

@@ -83,3 +83,5 @@ class Site(ConfigModel):
     """Compass direction into which the rotor faces (upwind), where known."""
     blade_pitch_deg: Annotated[float, Field(ge=-10, le=100)] | None = None
     position_sigma_m: NotNegative = 5.0
+    blade_serials: dict[Literal["A", "B", "C"], str] = Field(default_factory=dict)
+    """Which physical blade stands in which position, where that is known."""

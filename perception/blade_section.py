@@ -82,6 +82,11 @@ def published_sections(turbine: Turbine) -> SectionTable:
     )
 
 
+def section_outlines(thickness: Float) -> tuple[Float, Float]:
+    """Return the outlines of (S,) relative thicknesses: x, y of shape (S, VERTICES), in chords."""
+    return _outlines(thickness, 0.02)
+
+
 def _outlines(thickness: Float, camber: float) -> tuple[Float, Float]:
     """Return x and y, (STATIONS, VERTICES): from the trailing edge round the nose and back."""
     around = np.linspace(0.0, 2 * np.pi, VERTICES, endpoint=False)

@@ -10,6 +10,9 @@ import numpy as np
 from perception.metering import WHITE
 from perception.values import Bytes
 
+#: Fewer pixels of the blade than this say nothing of it.
+LEAST_PIXELS = 60
+
 
 @dataclass(frozen=True, slots=True)
 class PhotoQuality:
@@ -27,11 +30,17 @@ class PhotoQuality:
 
 
 def judge_photo(
-    grey: Bytes, centre_px: tuple[float, float], radius_px: float, range_grey: tuple[float, float]
+    grey: Bytes,
+    centre_px: tuple[float, float],
+    radius_px: float,
+    range_grey: tuple[float, float],
+    blade: Bytes | None = None,
 ) -> PhotoQuality | None:
     """Return the figures of the disc round the blade's foot, or None when it is out of the picture.
 
-    ``grey``: (H, W). The disc is the reference region of Shi et al. 2025, Eq. 5, on the still.
+    ``grey``: (H, W). ``blade``: (H, W), not 0 where the blade is; what of the disc lies beside it
+    is left out, as long as enough remains. The disc is the reference region of Shi et al. 2025,
+    Eq. 5, on the still.
     """
     height, width = grey.shape
     left, right = int(centre_px[0] - radius_px), int(centre_px[0] + radius_px) + 1
@@ -42,6 +51,10 @@ def judge_photo(
     window = grey[y0 : min(height, bottom), x0 : min(width, right)]
     rows, columns = np.ogrid[: window.shape[0], : window.shape[1]]
     inside = (columns + x0 - centre_px[0]) ** 2 + (rows + y0 - centre_px[1]) ** 2 <= radius_px**2
+    if blade is not None:
+        on_blade = inside & (blade[y0 : min(height, bottom), x0 : min(width, right)] > 0)
+        if np.count_nonzero(on_blade) >= LEAST_PIXELS:
+            inside = on_blade
     values = window[inside]
     if values.size == 0:
         return None

@@ -12,13 +12,17 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from config.errors import ConfigError
+from config.presets import load_turbine
+from config.settings import Settings
 from config.sources import to_toml
 from drivers.bus import Bus, Key, Sample
 from mission.flight.observation import RequestKind
 from mission.processes.runtime import Runtime, run_process
 from mission.records.files import CONFIG, EVENTS, RECORDING, write_whole
-from mission.records.photo_metadata import NotAJpeg, PhotoRecord
-from mission.records.photos import PhotoLost, fetch, store
+from mission.records.photo_moment import PhotoHistory
+from mission.records.photo_record import PhotoRecord
+from mission.records.photos import NotAJpeg, PhotoLost, PhotoSite, fetch, store
 from mission.records.recording import Recording
 from mission.records.summary import close_folder
 from mission.remote.messages import (
@@ -43,8 +47,13 @@ class _Open:
     intent: Intent
     folder: Path
     recording: Recording
+    site: PhotoSite
+    history: PhotoHistory
     records: list[PhotoRecord] = field(default_factory=list)
-    lost: list[str] = field(default_factory=list)
+    lost: dict[int, str] = field(default_factory=dict)
+    missing: dict[int, PhotoTakenMessage] = field(default_factory=dict)
+    """Photos that the camera did not give out when asked: asked for once more at the end."""
+    seen_before: dict[str, int] = field(default_factory=dict)
     photo_tasks: set[asyncio.Task[None]] = field(default_factory=set)
 
 
@@ -88,6 +97,10 @@ class Recorder:
             return
         stamp_ns = round(self._clock.now_s() * 1e9)
         self._submit(lambda: mission.recording.add(sample.key, sample.payload, stamp_ns))
+        try:
+            mission.history.take(sample.key, sample.payload)
+        except ValueError as error:  # recorded as it came; a photo's place may be told less well
+            log.warning("%s cannot be read: %s", sample.key, error)
         if sample.key == Key.EVENT:
             path = mission.folder / EVENTS
             self._submit(lambda: _append(path, sample.payload))
@@ -106,25 +119,49 @@ class Recorder:
             return
         folder = Path(intent.mission_dir)
         recording = Recording(folder / RECORDING)
-        self._open = _Open(intent, folder, recording)
+        self._open = _Open(
+            intent,
+            folder,
+            recording,
+            _site(self._settings, intent.site),
+            PhotoHistory(self._settings.positioning),
+        )
         text = to_toml(self._settings)
         self._submit(lambda: write_whole(folder / CONFIG, text.encode()))
 
     async def _take_photo(self, mission: _Open, taken: PhotoTakenMessage) -> None:
         loop = asyncio.get_running_loop()
-        site = mission.intent.site
+        photo_id = taken.command.photo_id
         try:
+            moment = mission.history.moment(taken)
             jpeg = await loop.run_in_executor(self._fetchers, fetch, taken.url)
             photo = await loop.run_in_executor(
-                self._fetchers, store, jpeg, taken, site, self._settings, mission.folder
+                self._fetchers,
+                store,
+                jpeg,
+                taken,
+                mission.site,
+                self._settings,
+                mission.folder,
+                moment,
+                mission.seen_before,
             )
         except (PhotoLost, NotAJpeg, OSError) as error:
-            log.error("photo %d lost: %s", taken.command.photo_id, error)
-            mission.lost.append(f"photo {taken.command.photo_id}: {error}")
-            self._tell(taken.command.photo_id, kept=False, reason=str(error))
+            log.error("photo %d lost: %s", photo_id, error)
+            mission.lost[photo_id] = f"photo {photo_id}: {error}"
+            if isinstance(error, PhotoLost):
+                mission.missing[photo_id] = taken
+            self._tell(photo_id, kept=False, reason=str(error))
             return
+        mission.lost.pop(photo_id, None)
         mission.records.append(photo.record)
-        self._tell(taken.command.photo_id, kept=photo.record.kept, reason=photo.record.reason)
+        self._tell(photo_id, kept=photo.record.kept, reason=photo.record.reason)
+
+    async def _find_missing(self, mission: _Open) -> None:
+        """Ask once more for photos that exist at the camera but could not be fetched."""
+        missing = list(mission.missing.values())
+        mission.missing.clear()
+        await asyncio.gather(*(self._take_photo(mission, taken) for taken in missing))
 
     def _tell(self, photo_id: int, *, kept: bool, reason: str) -> None:
         result = PhotoResultMessage(photo_id=photo_id, kept=kept, reason=reason)
@@ -133,6 +170,11 @@ class Recorder:
     async def _end(self, mission: _Open, report: FlightReport) -> None:
         if mission.photo_tasks:
             await asyncio.wait(mission.photo_tasks, timeout=PHOTO_PATIENCE_S)
+        try:
+            async with asyncio.timeout(PHOTO_PATIENCE_S):
+                await self._find_missing(mission)
+        except TimeoutError:
+            log.error("%d photos stay lost", len(mission.lost))
         self._open = None
         loop = asyncio.get_running_loop()
         ok, text = True, ""
@@ -144,7 +186,7 @@ class Recorder:
                 mission.folder,
                 report,
                 tuple(mission.records),
-                tuple(mission.lost),
+                tuple(mission.lost.values()),
                 self._settings,
             )
         except Exception as error:  # whatever it is, those who wait are told
@@ -152,6 +194,19 @@ class Recorder:
             ok, text = False, f"{type(error).__name__}: {error}"
         message = RecordedMessage(mission_dir=str(mission.folder), ok=ok, text=text)
         self._bus.publish(Key.RECORDED, message.model_dump_json().encode())
+
+
+def _site(settings: Settings, name: str) -> PhotoSite:
+    """Return what is known of a site; a turbine that is not known leaves only its name."""
+    for site in settings.sites:
+        if site.name == name:
+            try:
+                turbine = load_turbine(site.turbine, site.scale)
+            except ConfigError as error:
+                log.error("%s", error)
+                turbine = None
+            return PhotoSite(name, turbine, tuple(site.blade_serials.items()))
+    return PhotoSite(name)
 
 
 def _append(path: Path, line: bytes) -> None:

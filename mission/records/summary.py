@@ -22,7 +22,7 @@ from mission.records.files import (
     manifest,
     write_whole,
 )
-from mission.records.photo_metadata import PhotoRecord
+from mission.records.photo_record import PhotoRecord
 from mission.records.report import write_report
 from mission.remote.messages import FlightReport
 from perception.geometry import stop_angle_difference_deg

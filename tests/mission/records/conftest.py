@@ -15,7 +15,7 @@ from mission.flight.observation import BladeEstimate, RotorEstimate
 from mission.flight.passes import Unseen
 from mission.flight.report import MissionReport, PassReport, PhaseTime
 from mission.records.files import EVENTS
-from mission.records.photos import store
+from mission.records.photos import PhotoSite, store
 from mission.records.summary import close_folder
 from mission.remote.messages import EventMessage, FlightReport, PhotoTakenMessage
 
@@ -136,7 +136,7 @@ def keep_photos(folder, settings):
                 longitude_deg=6.5,
                 altitude_m=100.0,
             )
-            record = store(a_jpeg(grey), taken, "hill-3", settings, folder).record
+            record = store(a_jpeg(grey), taken, PhotoSite("hill-3"), settings, folder).record
             kept = grey > 100
             reason = "" if kept else "the blade is too dark"
             records.append(record.model_copy(update={"kept": kept, "reason": reason}))

@@ -7,8 +7,8 @@ import pytest
 
 from config.settings import Settings
 from mission.flight.command import PhotoCommand
-from mission.records.photo_metadata import NotAJpeg
-from mission.records.photos import PhotoLost, fetch, store
+from mission.records.jpeg_segments import NotAJpeg
+from mission.records.photos import PhotoLost, PhotoSite, fetch, store
 from mission.remote.messages import PhotoTakenMessage
 
 
@@ -41,7 +41,7 @@ def taken(**changes):
 
 
 def test_a_photo_knows_its_blade_side_and_metre(tmp_path):
-    photo = store(a_picture(), taken(), "t-1", Settings(), tmp_path)
+    photo = store(a_picture(), taken(), PhotoSite("t-1"), Settings(), tmp_path)
     assert photo.record.kept
     assert photo.record.file == "photos/B/SS/t-1_B_SS_021.2_20260301T102030.500Z.jpg"
     sidecar = json.loads((tmp_path / photo.record.file).with_suffix(".json").read_text())
@@ -53,7 +53,7 @@ def test_a_photo_knows_its_blade_side_and_metre(tmp_path):
 
 
 def test_exif_says_where_when_and_how(tmp_path):
-    photo = store(a_picture(), taken(), "t-1", Settings(), tmp_path)
+    photo = store(a_picture(), taken(), PhotoSite("t-1"), Settings(), tmp_path)
     exif = piexif.load(str(tmp_path / photo.record.file))
     assert exif["GPS"][piexif.GPSIFD.GPSLatitudeRef] == b"S"
     degrees = [a / b for a, b in exif["GPS"][piexif.GPSIFD.GPSLatitude]]
@@ -69,7 +69,7 @@ def test_exif_says_where_when_and_how(tmp_path):
 
 def test_the_picture_itself_is_not_altered(tmp_path):
     jpeg = a_picture()
-    photo = store(jpeg, taken(), "t-1", Settings(), tmp_path)
+    photo = store(jpeg, taken(), PhotoSite("t-1"), Settings(), tmp_path)
     stored = (tmp_path / photo.record.file).read_bytes()
     # From the quantisation tables on, it is the camera's file byte for byte.
     assert stored.endswith(jpeg[jpeg.index(b"\xff\xdb") :])
@@ -89,14 +89,14 @@ def test_the_picture_itself_is_not_altered(tmp_path):
     ],
 )
 def test_a_photo_that_shows_nothing_is_rejected_with_the_reason(tmp_path, jpeg, changes, reason):
-    photo = store(jpeg, taken(**changes), "t-1", Settings(), tmp_path)
+    photo = store(jpeg, taken(**changes), PhotoSite("t-1"), Settings(), tmp_path)
     assert not photo.record.kept
     assert reason in photo.record.reason
     assert (tmp_path / photo.record.file).exists()
 
 
 def test_a_photo_out_of_the_wanted_range_is_kept_and_says_so(tmp_path):
-    photo = store(a_picture(70), taken(), "t-1", Settings(), tmp_path)
+    photo = store(a_picture(70), taken(), PhotoSite("t-1"), Settings(), tmp_path)
     assert photo.record.kept
     assert photo.record.exposure_in_range is False
 
@@ -104,7 +104,7 @@ def test_a_photo_out_of_the_wanted_range_is_kept_and_says_so(tmp_path):
 @pytest.mark.parametrize("data", [b"", b"no picture", b"\xff\xd8\xff\xd9"])
 def test_what_is_no_picture_is_refused(tmp_path, data):
     with pytest.raises(NotAJpeg):
-        store(data, taken(), "t-1", Settings(), tmp_path)
+        store(data, taken(), PhotoSite("t-1"), Settings(), tmp_path)
 
 
 @pytest.mark.parametrize("url", ["file:///etc/hosts", "", "ftp://camera/1.jpg"])

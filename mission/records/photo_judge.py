@@ -1,0 +1,125 @@
+"""Is a photo kept? Blade in view and aimed at, exposed, sharp: each against its setting."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from config.settings import Settings
+from mission.records.photo_moment import PhotoMoment
+from mission.records.photo_view import PhotoView
+from perception.blade_in_picture import clipped, outline_px
+from perception.photo_quality import PhotoQuality, judge_photo
+from perception.values import Bytes, Float
+
+#: A pixel is at most so much of the mask's edge that the sky shines in.
+_EDGE_PX = 5
+_OUT_OF_SIGHT = (-1e9, -1e9)
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What was found of a photo."""
+
+    quality: PhotoQuality | None
+    aim_error: float | None
+    """Of the blade's foot from the picture's centre, as a share of the width."""
+    blade_share: float | None
+    blur_px: float | None
+    """At the camera's full size."""
+    fault: str
+    """Why it is rejected; empty: it is kept."""
+
+
+def judge(
+    grey: Bytes,
+    view: PhotoView,
+    moment: PhotoMoment,
+    foot_w: Float | None,
+    shutter_s: float | None,
+    settings: Settings,
+) -> Verdict:
+    """Judge a picture (H, W) of the blade whose foot (3,) the camera was aimed at."""
+    height_px, width_px = grey.shape
+    foot = _foot(view, foot_w)
+    mask = blade_mask(view)
+    share = None if mask is None else float(np.count_nonzero(mask)) / mask.size
+    exposure = settings.exposure
+    inner = None
+    if mask is not None:
+        kernel = np.ones((_EDGE_PX, _EDGE_PX), np.uint8)
+        inner = np.asarray(cv2.erode(mask, kernel), np.uint8)
+    quality = judge_photo(
+        grey,
+        foot,
+        exposure.disc_radius * width_px,
+        (exposure.min_grey, exposure.max_grey),
+        inner,
+    )
+    off = math.hypot(foot[0] - width_px / 2, foot[1] - height_px / 2) / width_px
+    aim = off if foot_w is not None and foot != _OUT_OF_SIGHT else None
+    blur = _blur_px(view, moment, shutter_s, settings)
+    fault = _fault(quality, aim, share, blur, settings)
+    return Verdict(quality, aim, share, blur, fault)
+
+
+def blade_mask(view: PhotoView) -> Bytes | None:
+    """Return (H, W), 255 where the blade is; None where no blade is known."""
+    if view.stations is None:
+        return None
+    lens = view.lens
+    mask = np.zeros((lens.height_px, lens.width_px), np.uint8)
+    outline = clipped(outline_px(view.stations, view.camera, lens), lens.width_px, lens.height_px)
+    if len(outline) > 2:
+        cv2.fillPoly(mask, [np.round(outline).astype(np.int32)], (255,))
+    return mask
+
+
+def _foot(view: PhotoView, foot_w: Float | None) -> tuple[float, float]:
+    """Return where the blade's foot lies in the picture; its centre where that is not known."""
+    if foot_w is None:
+        return view.lens.width_px / 2, view.lens.height_px / 2
+    in_camera = (foot_w - view.camera.position_w) @ view.camera.rotation_wc
+    pixels, ahead = view.lens.pixels(in_camera[None])
+    if not ahead[0]:
+        return _OUT_OF_SIGHT
+    return float(pixels[0, 0]), float(pixels[0, 1])
+
+
+def _blur_px(
+    view: PhotoView, moment: PhotoMoment, shutter_s: float | None, settings: Settings
+) -> float | None:
+    """Return how far the picture moved while the shutter was open, at the camera's full size."""
+    if shutter_s is None or view.range_m is None or math.isnan(moment.turning_rps):
+        return None
+    forward = view.camera.rotation_wc[:, 2]
+    across = moment.velocity_w - (moment.velocity_w @ forward) * forward
+    turning = moment.turning_rps + float(np.linalg.norm(across)) / view.range_m
+    focal_px = view.lens.focal_px * settings.camera.width_px / view.lens.width_px
+    return turning * shutter_s * focal_px
+
+
+def _fault(
+    quality: PhotoQuality | None,
+    aim: float | None,
+    share: float | None,
+    blur_px: float | None,
+    settings: Settings,
+) -> str:
+    limits = settings.photos
+    if quality is None or (share is not None and share < limits.min_blade_share):
+        return "the blade is not in the picture"
+    if quality.clipped > limits.max_clipped:
+        return "the blade is overexposed beyond recovery"
+    if quality.mean_grey < limits.min_mean_grey:
+        return "the picture is black"
+    if aim is not None and aim > limits.max_aim_error:
+        return f"aimed beside the blade, by {aim:.0%} of the picture's width"
+    if blur_px is not None and blur_px > limits.max_blur_px:
+        return f"blurred by motion, {blur_px:.1f} px"
+    if quality.sharpness < limits.min_sharpness:
+        return f"not sharp ({quality.sharpness:.1f})"
+    return ""

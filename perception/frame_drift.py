@@ -1,0 +1,71 @@
+"""How far the vehicle's own position has wandered since the rotor was measured.
+
+A position from satellites wanders slowly. The rotor stands still, so what the LiDAR sees of a
+blade tells the wander across that blade, and where its tip is seen, along it. The wander is a
+first-order Gauss-Markov process; the filter keeps its value w and the value c it had when the
+rotor was measured, and gives d = w - c: reported position less position in the rotor's frame.
+World ENU, metres, mission seconds.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from perception.values import Float
+
+#: What is more standard deviations off than this was not of the blade.
+_GATE = 3.0
+
+
+class FrameDrift:
+    """Kalman filter of d (3,); begins with d = 0 when the rotor was measured."""
+
+    def __init__(self, sigma_m: float, time_s: float, start_s: float) -> None:
+        self._variance = sigma_m**2
+        self._time_s = time_s
+        self._stamp_s = start_s
+        self._state: Float = np.zeros(6)
+        block = self._variance * np.eye(3)
+        self._covariance: Float = np.block([[block, block], [block, block]])
+
+    @property
+    def stamp_s(self) -> float:
+        """Time up to which measurements were taken."""
+        return self._stamp_s
+
+    def measure(self, stamp_s: float, direction_w: Float, offset_m: float, sigma_m: float) -> bool:
+        """Take how far something fixed appears moved along a unit direction (3,).
+
+        Measurements older than what was taken already count as of now: the wander is slow. Returns
+        False for one that is too far off to be the same thing: it is left out.
+        """
+        if stamp_s > self._stamp_s:
+            self._state, self._covariance = self._at(stamp_s)
+            self._stamp_s = stamp_s
+        row = np.concatenate([direction_w, -direction_w])
+        spread = self._covariance @ row
+        variance = float(row @ spread) + sigma_m**2
+        surprise = offset_m - float(row @ self._state)
+        if surprise**2 > _GATE**2 * variance:
+            return False
+        gain = spread / variance
+        self._state = self._state + gain * surprise
+        keep = np.eye(6) - np.outer(gain, row)
+        # Joseph's form: stays symmetric and positive.
+        self._covariance = keep @ self._covariance @ keep.T + sigma_m**2 * np.outer(gain, gain)
+        return True
+
+    def at(self, stamp_s: float) -> tuple[Float, Float]:
+        """Return d (3,) at a time, and its covariance (3, 3)."""
+        state, covariance = self._at(max(stamp_s, self._stamp_s))
+        difference = np.hstack([np.eye(3), -np.eye(3)])
+        return difference @ state, difference @ covariance @ difference.T
+
+    def _at(self, stamp_s: float) -> tuple[Float, Float]:
+        decay = math.exp(-(stamp_s - self._stamp_s) / self._time_s)
+        step = np.diag([decay] * 3 + [1.0] * 3)
+        grown = step @ self._covariance @ step.T
+        grown[:3, :3] += self._variance * (1 - decay**2) * np.eye(3)
+        return step @ self._state, grown
