@@ -31,8 +31,9 @@ class RotorEstimator(Protocol):
 class RotorFit:
     """Ours: each cloud is fitted by itself."""
 
-    def __init__(self, turbine: Turbine | None) -> None:
+    def __init__(self, turbine: Turbine | None, radius_m: float | None = None) -> None:
         self._turbine = turbine
+        self._radius_m = radius_m
 
     def update(
         self,
@@ -50,6 +51,7 @@ class RotorFit:
             prior_hub_w=prior_hub_w,
             prior_normal_w=prior_normal_w,
             turbine=self._turbine,
+            radius_m=self._radius_m,
             stamp_s=stamp_s,
         )
 
@@ -75,8 +77,13 @@ class Fermat:
         return self._method.update(points_w, origins_w, prior_hub_w, stamp_s=stamp_s)
 
 
-def rotor_estimator(settings: Settings, turbine: Turbine | None) -> RotorEstimator:
-    """Return the estimator that the settings name."""
+def rotor_estimator(
+    settings: Settings, turbine: Turbine | None, radius_m: float | None = None
+) -> RotorEstimator:
+    """Return the estimator that the settings name.
+
+    ``radius_m``: of the rotor, where the turbine's type is not known but its size is.
+    """
     if settings.estimation.method == "fermat":
         return Fermat(FermatEstimator(settings.fermat, agree_deg=settings.estimation.agree_deg))
-    return RotorFit(turbine)
+    return RotorFit(turbine, radius_m)

@@ -101,8 +101,7 @@ def test_the_variable_and_the_override_of_the_readme_are_understood():
 
 
 def test_the_python_example_uses_names_that_exist():
-    (text,) = blocks("python")
-    tree = ast.parse(text)
+    tree = ast.parse("\n".join(blocks("python")))
     imported = [a.name for n in ast.walk(tree) if isinstance(n, ast.ImportFrom) for a in n.names]
     assert set(imported) <= set(bladescout.__all__)
     called = {

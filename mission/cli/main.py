@@ -15,6 +15,7 @@ import typer
 from mission.cli import (
     bench_command,
     config_command,
+    estimate_command,
     remote_commands,
     report_commands,
     serve_command,
@@ -34,6 +35,7 @@ app.command("simulate")(simulation.simulate_command)
 app.command("serve")(serve_command.serve)
 remote_commands.mount(app)
 report_commands.mount(app)
+estimate_command.mount(app)
 app.add_typer(config_command.app, name="config", help="Show and check the configuration.")
 app.add_typer(bench_command.app, name="bench", help="Measure what the README states.")
 

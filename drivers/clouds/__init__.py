@@ -1,0 +1,1 @@
+"""Point clouds and poses as others store them: files in, plain arrays out."""
