@@ -19,6 +19,7 @@ from drivers.simulated.camera_model import Exposure, ExposureControl, develop_co
 from drivers.simulated.light import Sky
 from drivers.simulated.link import StillDone, StillRequest, TruthState
 from drivers.simulated.picture import Picture
+from drivers.simulated.vehicle import Vec3
 from perception.values import Bytes, CameraPose
 
 _JPEG_QUALITY = 90
@@ -79,7 +80,10 @@ class StillCamera:
         bands = self._picture.draw_in_bands(pose, light, self._width, self._height, _BAND_PX)
         while (drawn := next(bands)) is None:
             yield None
-        blur_px = _blur_px(pose, state, drawn.centre_m, exposure.shutter_s, self._focal_px)
+        blur_px = motion_blur_px(
+            pose, state.velocity_w, state.camera_rate_rps, drawn.centre_m, exposure.shutter_s,
+            self._focal_px,
+        )  # fmt: skip
         angle = float(self._rng.uniform(0.0, math.pi))
         radiance = motion_blur(drawn.radiance, blur_px, angle)
         colour = develop_colour(radiance, drawn.part, exposure, request.index + 1)
@@ -128,14 +132,23 @@ class StillCamera:
         )
 
 
-def _blur_px(
-    pose: CameraPose, state: TruthState, range_m: float, shutter_s: float, focal_px: float
+def motion_blur_px(
+    pose: CameraPose,
+    velocity_w: Vec3,
+    camera_rate_rps: float,
+    range_m: float,
+    shutter_s: float,
+    focal_px: float,
 ) -> float:
-    """Return how far the picture's centre moves while the shutter is open."""
+    """Return how far the picture's centre moves while the shutter is open.
+
+    ``range_m``: of what is seen there, inf for the sky. Moving and turning are added as if they
+    went the same way: the worst case.
+    """
     axis = pose.rotation_wc[:, 2]
-    velocity = np.asarray(state.velocity_w)
+    velocity = np.asarray(velocity_w)
     across = float(np.linalg.norm(velocity - (velocity @ axis) * axis))
-    turning = state.camera_rate_rps + (across / range_m if math.isfinite(range_m) else 0.0)
+    turning = camera_rate_rps + (across / range_m if math.isfinite(range_m) else 0.0)
     return turning * shutter_s * focal_px
 
 

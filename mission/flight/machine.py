@@ -16,7 +16,7 @@ from mission.flight.command import Action, Command, MissionState, Phase, Progres
 from mission.flight.events import POLICY, Event, EventRecord, Reaction, arbitrate, worst
 from mission.flight.flight import Flight, Intent, PhaseStep
 from mission.flight.guard import Airspace
-from mission.flight.ledger import PhotoStatus
+from mission.flight.ledger import Ledger, PhotoStatus
 from mission.flight.observation import FlightMode, Observation, Request, RequestKind, Vec3
 from mission.flight.phases.approach import Approach
 from mission.flight.phases.ascend import Ascend
@@ -27,6 +27,7 @@ from mission.flight.phases.leave import StandOff
 from mission.flight.phases.preflight import Preflight
 from mission.flight.phases.takeoff import Engage, Takeoff
 from mission.flight.phases.track import Track
+from mission.flight.plan import Plan
 from mission.flight.report import MissionReport, PhaseTime
 from mission.flight.watch import Watch
 
@@ -74,6 +75,16 @@ class Machine:
     def state(self) -> MissionState:
         """How the mission stands."""
         return self._flight.state
+
+    @property
+    def plan(self) -> Plan | None:
+        """What is flown, once the rotor was measured."""
+        return self._flight.plan
+
+    @property
+    def ledger(self) -> Ledger:
+        """The book of photos and passes."""
+        return self._flight.ledger
 
     def airspace(self) -> Airspace:
         """Return what the guard has to know about the turbine and the plan."""

@@ -1,0 +1,103 @@
+"""The tracking bench: what it draws, what it senses, and a mission flown from start to end."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from benchmarks.tracking import Mission, rows
+from benchmarks.tracking_flight import TrackingFlight, caster_of
+from benchmarks.tracking_judge import SideFigures, judge
+from benchmarks.tracking_trials import MODELS, draw_trial
+from config.inspection import Inspection
+from config.simulation import Simulation, TruthDraws, Wind
+from config.turbine import Site
+from drivers.simulated.scene import draw_scene
+from mission.flight.command import MissionState
+
+
+def test_the_same_number_draws_the_same_mission():
+    assert draw_trial(3, 7).scene == draw_trial(3, 7).scene
+    assert draw_trial(3, 7).scene != draw_trial(3, 8).scene
+
+
+def test_ten_missions_hold_ten_turbines_and_every_wind():
+    trials = [draw_trial(1, number) for number in range(10)]
+    assert {trial.model.split(" ")[0] for trial in trials} == {name for name, _ in MODELS}
+    assert {trial.wind for trial in trials} == {"5 m/s", "9 m/s", "gust to 15"}
+    lengths = [trial.turbine.blade_length_m for trial in trials]
+    assert min(lengths) == pytest.approx(40.0, abs=0.6)
+    assert max(lengths) == pytest.approx(80.0, abs=0.6)
+    assert sum(trial.straight for trial in trials) == 4
+
+
+def test_a_fifth_of_the_rotors_stands_upright_and_a_fifth_upside_down():
+    angles = np.array([draw_trial(1, number).scene.stop_angle_deg for number in range(200)])
+    assert np.mean(angles == 0.0) == pytest.approx(0.2, abs=0.08)
+    assert np.mean(angles == 60.0) == pytest.approx(0.2, abs=0.08)
+
+
+@pytest.fixture(scope="module")
+def small():
+    """A 13 m blade, one side, in still air: the shortest whole mission."""
+    trial = draw_trial(1, 0)
+    site = Site(name="bench", turbine="v27")
+    simulation = Simulation(
+        seed=5,
+        truth=TruthDraws(stop_angle_deg=20.0, pitch_deg=2.0, launch_bearing_from_rotor_deg=0.0),
+        wind=Wind(mean_mps=2.0, turbulence=0.05),
+    )
+    inspection = Inspection(blades=("A",), sides=("PS",))
+    settings = trial.settings.model_copy(
+        update={"sites": (site,), "simulation": simulation, "inspection": inspection}
+    )
+    trial = dataclasses.replace(trial, settings=settings, scene=draw_scene(settings))
+    caster = caster_of(trial)
+    flight = TrackingFlight(trial, caster, blades=("A",), sides=("PS",))
+    return trial, caster, flight.run(), flight
+
+
+def test_a_mission_is_flown_whole_and_keeps_its_clearance(small):
+    _, _, flown, _ = small
+    assert flown.machine.report().state is MissionState.COMPLETED
+    assert flown.least_clearance_m >= 8.0
+    assert len(flown.stills) >= 4
+
+
+def test_the_distance_is_held_and_the_pictures_hold_the_blade(small):
+    trial, caster, flown, _ = small
+    errors = [sample.distance_m - sample.wanted_m for sample in flown.samples]
+    assert np.sqrt(np.mean(np.square(errors))) < 0.4
+    judged = judge(trial, flown, caster)
+    assert all(photo.off_centre is not None for photo in judged.photos)
+    assert all(abs(photo.metre_error_m) < 1.5 for photo in judged.photos)
+    side = next(one for one in judged.sides if (one.blade, one.side) == ("A", "PS"))
+    assert side.reachable_share > 0.9
+    assert side.own > 0.5
+    other = next(one for one in judged.sides if (one.blade, one.side) == ("B", "SS"))
+    assert other.whole < 0.1
+
+
+def test_what_the_lidar_tells_lies_on_the_true_turbine(small):
+    trial, caster, _, flight = small
+    points = flight.senses.surroundings.points_w
+    true = points + np.asarray(trial.scene.launch_w) - np.asarray(flight.aircraft.error.position)
+    high = true[points[:, 2] > 5.0]
+    if len(high):
+        off = caster.clearance_m(high.astype(np.float32), 0.0)
+        assert np.median(off) < 1.0
+
+
+def test_the_rows_compare_with_their_goals():
+    side = SideFigures("A", "PS", 0.97, 0.99, 1.0, 0.98, 1.0, 0.96)
+    mission = Mission(
+        number=0, model="x", wind="5 m/s", profile="rtk", straight=True, blade_m=40.0,
+        stop_angle_deg=0.0, pitch_deg=2.0, state="completed", words="", minutes=15.0, packs=1,
+        cpu_s=10.0, least_clearance_m=7.5, least_in="", rejected=0, photos=(), sides=(side,),
+        errors_m=(0.1, -0.1, 1.2), wanted_m=(12.0, 12.0, 12.0), settled_s=None, events={},
+    )  # fmt: skip
+    by_name = {row.name: row for row in rows([mission])}
+    assert by_name["least true clearance, m"].met is False
+    assert by_name["coverage PS, whole, mean"].met is True
+    assert by_name["within 11-13 m of a wanted 12, 5 m/s"].value == pytest.approx(2 / 3)
+    assert by_name["times real time, one core"].value == pytest.approx(90.0)
