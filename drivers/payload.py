@@ -40,6 +40,7 @@ class CameraReading:
     min_ev: float
     max_ev: float
     step_ev: float
+    manual: bool
     shutter_s: float | None
     photos_taken: int
     last_photo_id: int
@@ -139,6 +140,7 @@ class Payload:
             min_ev=exposure.min_ev,
             max_ev=exposure.max_ev,
             step_ev=exposure.step_ev,
+            manual=exposure.manual,
             shutter_s=exposure.shutter_s,
             photos_taken=self._shutter.taken,
             last_photo_id=self._last_photo_id,

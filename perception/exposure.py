@@ -2,30 +2,54 @@
 
 from __future__ import annotations
 
+import math
 from typing import Protocol
 
 from config.inspection import Exposure
+from perception.exposure_limits import EvSteps
 from perception.exposure_predictive import PredictiveExposure
+from perception.exposure_response import Histogram
 from perception.exposure_step import StepExposure
+from perception.metering import Metered
 
 
 class ExposureControl(Protocol):
     """Keeps the blade's grey in range by EV alone."""
 
-    def update(self, mean_grey: float, clipped: float, ev_of_frame: float, stamp_s: float) -> float:
+    @property
+    def at_limit(self) -> bool:
+        """Whether the camera cannot give what the blade needs."""
+        ...
+
+    def confirmed(self, ev: float, stamp_s: float) -> None:
+        """Note an EV that the camera confirmed, and when (mission time).
+
+        Before the first confirmation nothing is known of the camera. When a setting shows in the
+        pictures is not told to anybody.
+        """
+        ...
+
+    def limit(self, steps: EvSteps, ceiling_ev: float = math.inf) -> None:
+        """Take over the EVs that the camera has, and the highest that motion allows."""
+        ...
+
+    def update(self, metered: Metered, stamp_s: float, histogram: Histogram | None = None) -> float:
         """Return the EV wanted after a frame.
 
-        ``mean_grey``: mu_g of the blade's region, 0-255; ``clipped``: share of it saturated;
-        ``ev_of_frame``: the EV that this frame was exposed with, not the one last commanded;
-        ``stamp_s``: mission time of the frame.
+        ``metered``: the blade in it; ``stamp_s``: mission time of the frame; ``histogram``: (256,)
+        counts of the whole picture (`perception.metering.histogram_of`).
         """
         ...
 
 
 def exposure_control(
-    settings: Exposure, *, min_ev: float = -3.0, max_ev: float = 3.0
+    settings: Exposure, steps: EvSteps | None = None, *, automatic: bool = False
 ) -> ExposureControl:
-    """Return the controller that the settings name."""
+    """Return the controller that the settings name.
+
+    ``steps``: the EVs that the camera has; ``automatic``: EV biases the camera's own automatic.
+    """
+    known = steps or EvSteps.spaced(-3.0, 3.0, settings.step_ev)
     if settings.method == "step":
-        return StepExposure(settings, min_ev=min_ev, max_ev=max_ev)
-    return PredictiveExposure(settings, min_ev=min_ev, max_ev=max_ev)
+        return StepExposure(settings, known)
+    return PredictiveExposure(settings, known, automatic=automatic)

@@ -1,146 +1,207 @@
 """Exposure by inverting the camera's response: ours, in the place of the paper's fixed step.
 
-The camera is radiance x 2^EV -> tone curve -> grey. Knowing the curve, one frame tells by how many
-EV it missed the target. Three rules make it fast without overshoot:
+The camera is light x 2^EV -> tone curve -> grey. Knowing the curve, one frame tells by how many
+EV it missed the target:
 
 - reckon from the EV that produced the frame, never from the one last commanded: latency then only
-  delays, it cannot make the loop ring;
-- the curve is learned: it begins as sRGB and is corrected by every pair of frames of the same
-  scene whose EV differ;
-- a saturated mean only bounds the truth: jump far enough to get off the stop, then measure.
-
-A steady trend of the light is carried on over the latency.
+  delays, it cannot make the loop ring. Which EV that was is learned (`exposure_timeline`);
+- the curve is learned (`exposure_response`);
+- a saturated mean only bounds the light: its darkest pixels say more, and where they are white too
+  jump far enough to get off the stop, then measure;
+- a ramp of the light is carried on over the latency (`exposure_trend`), and so is what the
+  camera's own automatic is about to do (`exposure_automatic`);
+- the wish moves only when another step of the camera is clearly nearer.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
-
-import numpy as np
+from collections import deque
+from dataclasses import dataclass, replace
 
 from config.inspection import Exposure
-from perception.values import Float
+from perception.exposure_automatic import Automatic
+from perception.exposure_limits import EvSteps
+from perception.exposure_response import BRIGHT, DARK, Histogram, Response
+from perception.exposure_timeline import EvTimeline
+from perception.exposure_trend import Trend
+from perception.metering import Metered
 
-#: Grey levels between which the curve's slope is learned apart.
-KNOTS: Float = np.array([0.0, 8.0, 30.0, 70.0, 110.0, 150.0, 190.0, 225.0, 245.0, 255.0])
-#: Share of an observed error of the curve that is taken over at once.
-LEARNING = 0.4
-#: Learned slopes stay within this factor of the nominal curve.
-MAX_FACTOR = 3.0
-#: A frame that differs more than this from the trend (EV) is a step of the light, not a trend.
-STEP_EV = 0.3
-MAX_RATE_EV_PER_S = 4.0
-#: Trends are taken over about this time.
-RATE_MEMORY_S = 0.4
+#: From this share of clipped pixels on the mean is no measure any more.
+CLIPPED = 0.03
+#: A picture all white is this much (EV) brighter than white at least, one all black darker.
+#: More would land darker than the range when it was only just white.
+BEYOND_WHITE_EV = 0.9
+BEYOND_BLACK_EV = 1.5
+#: The wish moves when another step is nearer by this share of a step.
+HYSTERESIS = 0.1
+#: A change of the light or the exposure within a frame beyond this (EV) is no part of a ramp.
+STEP_EV = 0.4
+#: Frames farther apart than this (s) do not show one light.
+_TOGETHER_S = 0.35
+_STEADY_EV = 0.12
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    stamp_s: float
+    metered: Metered
+    level_ev: float
+    ev: float
+    certain: bool
+    measured: bool
+    histogram: Histogram | None
 
 
 class PredictiveExposure:
     """Inverts a learned response; see the module."""
 
-    def __init__(
-        self,
-        settings: Exposure,
-        *,
-        min_ev: float = -3.0,
-        max_ev: float = 3.0,
-        lead_s: float = 0.15,
-    ) -> None:
-        """Start from the sRGB curve.
+    def __init__(self, settings: Exposure, steps: EvSteps, *, automatic: bool = False) -> None:
+        """Start from the sRGB curve and an unknown latency.
 
-        ``lead_s``: from a frame to the first frame exposed with what it asked for.
+        ``automatic``: EV biases the camera's own automatic instead of being absolute.
         """
         self._settings = settings
-        self._min_ev = min_ev
-        self._max_ev = max_ev
-        self._lead_s = lead_s
-        self._widths_ev = np.diff(_srgb_ev(KNOTS))
-        self._nominal_ev = self._widths_ev.copy()
-        self._last: tuple[float, float, float, float] | None = None
-        self._rate = 0.0
-        self._steady = 0
-        self._wanted_ev: float | None = None
+        self._steps = steps
+        self.response = Response()
+        self.timeline = EvTimeline()
+        self.trend = Trend()
+        self.automatic = Automatic(present=automatic)
+        self._frames: deque[_Seen] = deque(maxlen=4)
+        self._held_ev: float | None = None
+        self._asked_ev: float | None = None
+        self._ceiling_ev = math.inf
+        self._darkest_ev: float | None = None
+        self._residual_ev = 0.0
+        self._at_limit = False
 
-    def update(self, mean_grey: float, clipped: float, ev_of_frame: float, stamp_s: float) -> float:
+    def confirmed(self, ev: float, stamp_s: float) -> None:
+        """Note an EV that the camera confirmed; see `perception.exposure.ExposureControl`."""
+        if math.isfinite(ev) and math.isfinite(stamp_s):
+            self.timeline.confirmed(ev, stamp_s)
+            if self._held_ev is None:
+                self._held_ev = self._asked_ev = ev
+
+    def limit(self, steps: EvSteps, ceiling_ev: float = math.inf) -> None:
+        """Take over the EVs that the camera has, and the highest that motion allows."""
+        self._steps, self._ceiling_ev = steps, ceiling_ev
+
+    @property
+    def at_limit(self) -> bool:
+        """Whether the camera has nothing nearer to the target in the direction wanted."""
+        return self._at_limit
+
+    def update(self, metered: Metered, stamp_s: float, histogram: Histogram | None = None) -> float:
         """Return the EV wanted after one frame; see `perception.exposure.ExposureControl`."""
-        if not all(map(math.isfinite, (mean_grey, clipped, ev_of_frame, stamp_s))):
-            return self._wanted_ev if self._wanted_ev is not None else 0.0
-        grey = min(max(mean_grey, 0.0), 255.0)
-        self._learn(grey, clipped, ev_of_frame, stamp_s)
-        light = self._ev_at(grey) - ev_of_frame
-        self._follow_trend(light, clipped, stamp_s)
-        self._last = (stamp_s, grey, clipped, ev_of_frame)
+        held = self._held_ev if self._held_ev is not None else self._steps.nearest(0.0)
+        newest_s = self._frames[-1].stamp_s if self._frames else -math.inf
+        figures = (metered.mean_grey, metered.clipped, metered.low_grey, stamp_s)
+        if not all(map(math.isfinite, figures)) or stamp_s <= newest_s:
+            return held
+        level_ev, measured = self._level(metered)
+        period_s = min(max(stamp_s - newest_s, 0.02), 0.2)
+        expected = self._expected_light(stamp_s)
+        found = self.timeline.ev_of(stamp_s, level_ev, expected, 0.6 * period_s)
+        if found is None:
+            return held
+        seen = _Seen(stamp_s, metered, level_ev, *found, measured, histogram)
+        last = self._frames[-1] if self._frames else None
+        known = last is not None and last.measured and measured
+        self.timeline.vote(stamp_s, level_ev - last.level_ev if last and known else None)
+        self._follow(seen)
+        self._frames.append(seen)
+        self._learn()
+        lead_s = self.timeline.lead_s(period_s)
+        ahead = self.trend.ahead(lead_s) + self.automatic.ahead(lead_s)
+        target_ev = self.response.ev_at(self._settings.target_grey)
+        self._hold(target_ev - (self._frames[-1].level_ev - seen.ev) - ahead, stamp_s)
+        return self._held_ev if self._held_ev is not None else held
 
-        missed = self._ev_at(self._settings.target_grey) - self._ev_at(grey)
-        if clipped > 0.02 and grey > self._settings.target_grey:
-            # The clipped share hides how bright it is; 1.2 EV lands a fully white disc mid-scale.
-            missed -= 1.2 * min(clipped, 1.0)
-        elif grey < KNOTS[1]:
-            missed += 1.0 * (1.0 - grey / KNOTS[1])
-        wanted = ev_of_frame + missed - self._rate * self._lead_s
-        wanted = min(max(wanted, self._min_ev), self._max_ev)
-        held = self._wanted_ev
-        # Noise of the mean must not flip between two steps of the camera.
-        in_range = self._settings.min_grey <= grey <= self._settings.max_grey
-        if held is None or not in_range or abs(wanted - held) > 0.6 * self._settings.step_ev:
-            held = wanted
-        self._wanted_ev = held
-        return held
+    def _level(self, metered: Metered) -> tuple[float, bool]:
+        """Return the EV of the blade's grey, and whether it is more than a bound."""
+        grey = min(max(metered.mean_grey, 0.0), 255.0)
+        mean_ev = self.response.ev_at(grey)
+        if metered.clipped > CLIPPED and grey > self._settings.target_grey:
+            if metered.low_grey < BRIGHT and self._darkest_ev is not None:
+                # The darkest pixels are not clipped: how far they lie below the mean is known.
+                darkest = self.response.ev_at(metered.low_grey) - self._darkest_ev
+                return max(darkest, mean_ev), metered.clipped < 0.5
+            return mean_ev + BEYOND_WHITE_EV * min(metered.clipped, 1.0), False
+        if grey < DARK:
+            return mean_ev - BEYOND_BLACK_EV * (1.0 - grey / DARK), False
+        if metered.clipped < 0.002 and metered.low_grey > DARK:
+            below = self.response.ev_at(metered.low_grey) - mean_ev
+            before = below if self._darkest_ev is None else self._darkest_ev
+            self._darkest_ev = before + 0.1 * (below - before)
+        return mean_ev, True
 
-    def grey_after(self, mean_grey: float, change_ev: float) -> float:
-        """Return the grey that the learned curve expects after a change of EV."""
-        greys = np.asarray(KNOTS)
-        evs = np.concatenate([[0.0], np.cumsum(self._widths_ev)])
-        return float(np.interp(self._ev_at(mean_grey) + change_ev, evs, greys))
+    def _expected_light(self, stamp_s: float) -> float | None:
+        if not self._frames or stamp_s - self._frames[-1].stamp_s > _TOGETHER_S:
+            return None
+        last = self._frames[-1]
+        passed_s = stamp_s - last.stamp_s
+        return (
+            last.level_ev - last.ev + self.automatic.ahead(passed_s)
+            + self.trend.rate() * passed_s
+        )  # fmt: skip
 
-    def _ev_at(self, grey: float) -> float:
-        """Return the learned inverse response: EV above that of black."""
-        evs = np.concatenate([[0.0], np.cumsum(self._widths_ev)])
-        return float(np.interp(grey, KNOTS, evs))
+    def _follow(self, seen: _Seen) -> None:
+        """Feed the trend with what the automatic does not explain, and the automatic."""
+        light = seen.level_ev - seen.ev
+        last = self._frames[-1] if self._frames else None
+        if last is None or not (seen.measured and last.measured):
+            self.trend.reset()
+        else:
+            passed_s = seen.stamp_s - last.stamp_s
+            change = light - (last.level_ev - last.ev) - self.automatic.ahead(passed_s)
+            if abs(change) > STEP_EV or abs(seen.ev - last.ev) > STEP_EV:
+                # A step of the light, or of the curve's error: no ramp. The trend goes on.
+                change = self.trend.rate() * passed_s
+            self._residual_ev += change
+            self.trend.update(seen.stamp_s, self._residual_ev)
+        if seen.histogram is not None:
+            whole = self.response.light_of(seen.histogram) - seen.ev
+            self.automatic.update(whole, seen.stamp_s)
 
-    def _learn(self, grey: float, clipped: float, ev: float, stamp_s: float) -> None:
-        """Correct the curve between the greys of two frames that differ in EV only."""
-        if self._last is None:
+    def _learn(self) -> None:
+        """Correct the curve by a change of EV, one frame later: did the light stand still?"""
+        if len(self._frames) < 3:
             return
-        then_s, before, clipped_before, ev_before = self._last
-        change = ev - ev_before
-        usable = abs(change) > 0.2 and 0 < stamp_s - then_s < 0.5
-        usable &= max(clipped, clipped_before) < 0.02 and min(grey, before) > KNOTS[1]
-        seen = self._ev_at(grey) - self._ev_at(before)
-        # The light may have changed in between: a seen change of the wrong sign or far off tells
-        # nothing about the curve.
-        if not usable or seen * change <= 0 or not 0.4 < seen / change < 2.5:
+        before, after, now = list(self._frames)[-3:]
+        change_ev = after.ev - before.ev
+        if before.histogram is None or after.histogram is None:
             return
-        low, high = min(grey, before), max(grey, before)
-        for index, (left, right) in enumerate(itertools.pairwise(KNOTS)):
-            share = max(0.0, min(high, right) - max(low, left)) / (right - left)
-            factor = (change / seen) ** (LEARNING * share)
-            nominal = self._nominal_ev[index]
-            self._widths_ev[index] = np.clip(
-                self._widths_ev[index] * factor, nominal / MAX_FACTOR, nominal * MAX_FACTOR
-            )
+        together = now.stamp_s - before.stamp_s < 2 * _TOGETHER_S
+        if not together or abs(change_ev) < 0.02 or abs(now.ev - after.ev) > 0.02:
+            return
+        if abs(now.level_ev - after.level_ev) > _STEADY_EV and now.measured and after.measured:
+            return
+        steady = (
+            len(self._frames) >= 4
+            and abs(self._frames[-4].ev - before.ev) < 0.02
+            and abs(self._frames[-4].level_ev - before.level_ev) < _STEADY_EV
+        )
+        sure = after.certain and before.certain and now.certain
+        weight = (1.0 if steady else 0.3) * (1.0 if sure else 0.5)
+        whole_ev = self.response.light_of(after.histogram)
+        if self.response.learn(before.histogram, after.histogram, change_ev, weight):
+            self.automatic.recalibrate(self.response.light_of(after.histogram) - whole_ev)
+            seen = [replace(one, level_ev=self._level(one.metered)[0]) for one in self._frames]
+            self._frames = deque(seen, maxlen=4)
 
-    def _follow_trend(self, light: float, clipped: float, stamp_s: float) -> None:
-        """Update the rate of the light (EV/s); a step or a saturated frame restarts it."""
-        if self._last is None:
-            return
-        then_s, grey, clipped_before, ev = self._last
-        passed = stamp_s - then_s
-        if passed <= 0 or passed > 0.5 or max(clipped, clipped_before) > 0.2:
-            self._rate, self._steady = 0.0, 0
-            return
-        change = light - (self._ev_at(grey) - ev)
-        if abs(change - self._rate * passed) > STEP_EV:
-            self._rate, self._steady = 0.0, 0
-            return
-        self._steady += 1
-        share = min(1.0, passed / RATE_MEMORY_S)
-        rate = self._rate + share * (change / passed - self._rate)
-        self._rate = min(max(rate, -MAX_RATE_EV_PER_S), MAX_RATE_EV_PER_S)
-
-
-def _srgb_ev(grey: Float) -> Float:
-    """Return EV above the darkest level of grey levels under the sRGB curve."""
-    level = np.maximum(grey, 1.0) / 255.0
-    linear = np.where(level <= 0.04045, level / 12.92, ((level + 0.055) / 1.055) ** 2.4)
-    return np.asarray(np.log2(linear / linear[0]), np.float64)
+    def _hold(self, wanted_ev: float, stamp_s: float) -> None:
+        """Move the wish when another step is clearly nearer, and note what is asked for."""
+        nearest = self._steps.nearest(wanted_ev, self._ceiling_ev)
+        held = self._held_ev
+        step = self._steps.width_at(wanted_ev)
+        self._at_limit = abs(nearest - wanted_ev) > 0.75 * step
+        if (
+            held is None
+            or held > self._ceiling_ev + 1e-6
+            or abs(wanted_ev - held) > abs(wanted_ev - nearest) + HYSTERESIS * step
+        ):
+            held = nearest
+        self._held_ev = held
+        if self._asked_ev is None or abs(held - self._asked_ev) > 1e-6:
+            self._asked_ev = held
+            self.timeline.asked(held, stamp_s)

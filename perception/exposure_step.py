@@ -7,27 +7,51 @@ it did: kept so, as the baseline that it is.
 
 from __future__ import annotations
 
+import math
+
 from config.inspection import Exposure
+from perception.exposure_limits import EvSteps
+from perception.exposure_response import Histogram
+from perception.metering import Metered
 
 
 class StepExposure:
     """Algorithm 2, lines 8 to 13."""
 
-    def __init__(self, settings: Exposure, *, min_ev: float = -3.0, max_ev: float = 3.0) -> None:
-        """Start without a gamma: the first frame brings it."""
+    def __init__(self, settings: Exposure, steps: EvSteps) -> None:
+        """Start without a gamma: the camera's first confirmation brings it."""
         self._settings = settings
-        self._min_ev = min_ev
-        self._max_ev = max_ev
+        self._steps = steps
+        self._ceiling_ev = math.inf
         self._gamma_ev: float | None = None
+        self._at_limit = False
 
-    def update(self, mean_grey: float, clipped: float, ev_of_frame: float, stamp_s: float) -> float:
+    def confirmed(self, ev: float, stamp_s: float) -> None:
+        """Take gamma over from the camera once; see `perception.exposure.ExposureControl`."""
+        del stamp_s
+        if self._gamma_ev is None and math.isfinite(ev):
+            self._gamma_ev = ev
+
+    def limit(self, steps: EvSteps, ceiling_ev: float = math.inf) -> None:
+        """Take over the EVs that the camera has, and the highest that motion allows."""
+        self._steps, self._ceiling_ev = steps, ceiling_ev
+
+    @property
+    def at_limit(self) -> bool:
+        """Whether gamma stands at the end that it was pushed to."""
+        return self._at_limit
+
+    def update(self, metered: Metered, stamp_s: float, histogram: Histogram | None = None) -> float:
         """Return gamma after one frame; see `perception.exposure.ExposureControl`."""
-        del clipped, stamp_s  # the paper looks at the mean alone
-        gamma = ev_of_frame if self._gamma_ev is None else self._gamma_ev
-        if mean_grey > self._settings.max_grey:
-            gamma -= self._settings.step_ev
-        elif mean_grey < self._settings.min_grey:
-            gamma += self._settings.step_ev
+        del stamp_s, histogram  # the paper looks at the mean alone
+        gamma = 0.0 if self._gamma_ev is None else self._gamma_ev
+        wanted = gamma
+        if metered.mean_grey > self._settings.max_grey:
+            wanted = gamma - self._settings.step_ev
+        elif metered.mean_grey < self._settings.min_grey:
+            wanted = gamma + self._settings.step_ev
         # Clamped where it is kept, so that it does not wind up beyond what the camera can do.
-        self._gamma_ev = min(max(gamma, self._min_ev), self._max_ev)
+        low, high = self._steps.evs[0], min(self._steps.evs[-1], self._ceiling_ev)
+        self._gamma_ev = max(low, min(wanted, high))
+        self._at_limit = abs(self._gamma_ev - wanted) > 1e-6
         return self._gamma_ev

@@ -7,6 +7,7 @@ so that sky in the disc of a narrow tip does not speak for the blade.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import cv2
@@ -20,6 +21,9 @@ from perception.values import Bytes, CameraPose, Float
 WHITE = 253
 BLACK = 2
 MIN_PIXELS = 12
+#: The whole picture is counted on every so many pixels both ways.
+_COUNTED_EVERY = 4
+_LOW_SHARE = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +38,8 @@ class Metered:
     """Share of the pixels that are at the black end."""
     pixels: int
     """|C_f|"""
+    low_grey: float = math.nan
+    """Grey that a tenth of the pixels stay below: what is left to see when the rest is white."""
 
 
 def meter_disc(grey: Bytes, centre_px: Float | None, radius_px: float) -> Metered | None:
@@ -124,13 +130,22 @@ def meter_outline(
     return _metered(grey[corner[1] : end[1], corner[0] : end[0]], mask.astype(bool))
 
 
+def histogram_of(grey: Bytes) -> NDArray[np.int64]:
+    """Return (256,) counts of a picture's greys, on a grid of its pixels."""
+    thinned = grey[::_COUNTED_EVERY, ::_COUNTED_EVERY]
+    return np.bincount(thinned.ravel(), minlength=256).astype(np.int64)
+
+
 def _metered(window: Bytes, inside: NDArray[np.bool_]) -> Metered | None:
     values = window[inside]
     if len(values) < MIN_PIXELS:
         return None
+    counts = np.bincount(values, minlength=256)
+    total = len(values)
     return Metered(
-        mean_grey=float(values.mean()),
-        clipped=float((values >= WHITE).mean()),
-        black=float((values <= BLACK).mean()),
-        pixels=len(values),
+        mean_grey=float(counts @ np.arange(256) / total),
+        clipped=float(counts[WHITE:].sum() / total),
+        black=float(counts[: BLACK + 1].sum() / total),
+        pixels=total,
+        low_grey=float(np.searchsorted(np.cumsum(counts), _LOW_SHARE * total)),
     )

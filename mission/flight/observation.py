@@ -81,6 +81,8 @@ class CameraState:
     min_ev: float = -3.0
     max_ev: float = 3.0
     step_ev: float = 1 / 3
+    manual: bool = True
+    """EV is absolute; otherwise it biases the camera's own automatic."""
     shutter_s: float | None = None
     photos_taken: int = 0
     """Count of CAMERA_IMAGE_CAPTURED received."""

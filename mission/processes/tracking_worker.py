@@ -17,7 +17,6 @@ from drivers.codecs import POINT_CLOUD, BadMessage, decode_frame, encode_points
 from mission.flight.command import SensingMode, SensingTask
 from mission.flight.observation import (
     BladeTrack,
-    CameraState,
     ClearanceState,
     ExposureState,
     Vec3,
@@ -28,8 +27,15 @@ from mission.processes.sensor_inbox import SensorInbox
 from perception.clearance import OccupancyMemory, RepeatedScans
 from perception.deskew import points_in_world
 from perception.exposure import ExposureControl, exposure_control
+from perception.exposure_limits import EvSteps
 from perception.geometry import camera_looking_along, pinhole_matrix, rotation_from_quaternion
-from perception.metering import Metered, blade_outline, meter_disc, meter_outline
+from perception.metering import (
+    Metered,
+    blade_outline,
+    histogram_of,
+    meter_disc,
+    meter_outline,
+)
 from perception.projection import project
 from perception.values import CameraPose, Float, Frame, Scan
 from perception.warm_up import warm_up_tracking
@@ -44,9 +50,6 @@ STEADY_REACH_M = 45.0
 #: What was not seen again for so long is left to the model: the position drifts meanwhile.
 KEPT_S = 120.0
 RATE_WINDOW = 10
-#: From a setting acknowledged to the first frame exposed with it, until it is learned.
-EXPOSURE_LATENCY_S = 0.25
-EXPOSURE_GIVEN_UP_S = 1.5
 #: Share of the blade's width that surely is blade, for the metering mask.
 SURE_WIDTH = 0.6
 
@@ -72,10 +75,8 @@ class TrackingWorker:
         }
         self._follower = BladeFollower(self._turbines)
         self._exposure: ExposureControl | None = None
-        self._wanted_ev: float | None = None
-        self._wanted_s = float("-inf")
+        self._told_s = float("-inf")
         self._foot_w: Vec3 | None = None
-        self._evs: deque[tuple[float, float]] = deque(maxlen=50)
         bus.subscribe_newest(Key.FRAME, self._take_frame)
 
     async def run(self) -> None:
@@ -148,26 +149,13 @@ class TrackingWorker:
             frame = decode_frame(sample.payload, sample.attachment)
         except BadMessage:
             return
-        if self._inbox.task.mode is not SensingMode.BLADE:
-            self._exposure = self._wanted_ev = None
+        control = self._control()
+        if control is None or self._inbox.task.mode is not SensingMode.BLADE:
             return
         metered = self._meter(frame)
-        ev = self._ev_of(frame.stamp_s)
-        if metered is None or ev is None:
+        if metered is None:
             return
-        camera = self._inbox.cameras[-1]
-        if self._exposure is None:
-            self._exposure = exposure_control(
-                self._settings.exposure, min_ev=camera.min_ev, max_ev=camera.max_ev
-            )
-        if self._settled(frame.stamp_s, camera):
-            self._wanted_ev = self._exposure.update(
-                metered.mean_grey, metered.clipped, ev, frame.stamp_s
-            )
-            self._wanted_s = frame.stamp_s
-        wanted = camera.ev if self._wanted_ev is None else self._wanted_ev
-        if wanted is None:
-            return
+        wanted = control.update(metered, frame.stamp_s, histogram_of(frame.grey))
         limits = self._settings.exposure
         state = ExposureState(
             stamp_s=frame.stamp_s,
@@ -179,27 +167,24 @@ class TrackingWorker:
         )
         self._bus.publish(Key.EXPOSURE, _EXPOSURE.dump_json(state))
 
-    def _settled(self, stamp_s: float, camera: CameraState) -> bool:
-        """Return whether it is certain which EV produced a frame.
+    def _control(self) -> ExposureControl | None:
+        """Return the controller, told of what the camera confirmed; None for a camera without EV.
 
-        The last wish must have been taken (or given up), and the frame be exposed after it.
+        One for the whole mission: what it learned of the camera holds from leg to leg.
         """
-        if self._wanted_ev is None or camera.ev is None:
-            return True
-        taken = abs(camera.ev - self._wanted_ev) < 0.75 * camera.step_ev
-        if not taken and stamp_s - self._wanted_s < EXPOSURE_GIVEN_UP_S:
-            return False
-        return stamp_s - camera.ev_stamp_s > EXPOSURE_LATENCY_S
-
-    def _ev_of(self, stamp_s: float) -> float | None:
-        """Return the EV in force when a frame was exposed, not the one last asked for."""
-        for camera in self._inbox.cameras:
-            if camera.ev is not None and (not self._evs or camera.ev_stamp_s > self._evs[-1][0]):
-                self._evs.append((camera.ev_stamp_s, camera.ev))
-        if not self._evs:
+        cameras = [camera for camera in list(self._inbox.cameras) if camera.ev is not None]
+        if not cameras:
             return None
-        before = [ev for at_s, ev in self._evs if at_s + EXPOSURE_LATENCY_S <= stamp_s]
-        return before[-1] if before else self._evs[0][1]
+        steps = EvSteps.spaced(cameras[-1].min_ev, cameras[-1].max_ev, cameras[-1].step_ev)
+        if self._exposure is None:
+            automatic = not cameras[-1].manual
+            self._exposure = exposure_control(self._settings.exposure, steps, automatic=automatic)
+        self._exposure.limit(steps)
+        for camera in cameras:
+            if camera.ev is not None and camera.ev_stamp_s > self._told_s:
+                self._told_s = camera.ev_stamp_s
+                self._exposure.confirmed(camera.ev, camera.ev_stamp_s)
+        return self._exposure
 
     def _meter(self, frame: Frame) -> Metered | None:
         """Meter the blade's own outline near the foot; the disc where the outline is not known."""

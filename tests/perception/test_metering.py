@@ -2,7 +2,7 @@ import time
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from perception.geometry import camera_looking_along, pinhole_matrix
@@ -18,6 +18,7 @@ def brute_force(grey, x, y, r):
     return (columns - x) ** 2 + (rows - y) ** 2 <= r * r
 
 
+@settings(deadline=None)
 @given(x=st.floats(-40, 680), y=st.floats(-40, 520), r=st.floats(3, 60))
 def test_the_disc_is_all_pixels_within_the_radius_and_the_picture(x, y, r):
     inside = brute_force(GREY, x, y, r)
