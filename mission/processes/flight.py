@@ -183,10 +183,12 @@ class Flight:
                 self._outputs.state(self._progress, observation, self._inputs, self._intent)
             return
         command, events = machine.step(observation)
+        surroundings = self._inputs.surroundings
         guarded = self._guard.check(
-            command, observation, self._inputs.surroundings, machine.airspace(), self._previous
+            command, observation, surroundings, machine.airspace(), self._previous
         )
-        self._send(link, payload, guarded, observation)
+        sent = self._send(link, payload, guarded, observation)
+        self._outputs.tick(observation, guarded, sent=sent, surroundings_s=surroundings.stamp_s)
         self._after(machine, observation, guarded, events)
 
     def _observe(
@@ -223,14 +225,16 @@ class Flight:
         payload: Payload,
         guarded: GuardedCommand,
         observation: Observation,
-    ) -> None:
+    ) -> bool:
+        """Carry out a tick's command; return whether its setpoint left."""
         command = guarded.command
+        sent = False
         self._guard_words = guarded.reason if guarded.refused else ""
         if command.setpoint is not None and self._may_send(observation):
             setpoint = command.setpoint
             link.send_setpoint(setpoint.position_w, setpoint.velocity_w, setpoint.yaw_rad)
             self._note_gap(observation.now_s)
-            self._previous = setpoint
+            self._previous, sent = setpoint, True
         elif command.setpoint is None:
             self._previous, self._last_sent_s = None, float("-inf")
         if command.gimbal is not None and self._tick % 2 == 0:
@@ -243,6 +247,7 @@ class Flight:
         if command.action is not None and (self._action is None or self._action.done()):
             height_m = command.takeoff_height_m or 0.0
             self._action = asyncio.create_task(self._act(link, command.action, height_m))
+        return sent
 
     def _may_send(self, observation: Observation) -> bool:
         """After a stall the mode must have been reported anew before anything is sent.
@@ -285,7 +290,6 @@ class Flight:
         self._outputs.task(command.sensing, observation.now_s)
         for event in events:
             self._outputs.event(event)
-        self._outputs.tick(observation, guarded)
         ended = command.progress.state in TERMINAL
         if self._tick % 4 == 0 or ended:
             self._outputs.state(command.progress, observation, self._inputs, self._intent)

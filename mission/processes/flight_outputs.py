@@ -75,10 +75,21 @@ class FlightOutputs:
         )
         self._bus.publish(Key.EVENT, message.model_dump_json().encode())
 
-    def tick(self, observation: Observation, guarded: GuardedCommand) -> None:
-        """Publish what was known, decided and sent."""
+    def tick(
+        self,
+        observation: Observation,
+        guarded: GuardedCommand,
+        *,
+        sent: bool,
+        surroundings_s: float,
+    ) -> None:
+        """Publish what was known, decided and sent: all that a replay of the tick needs."""
         record = TickRecord.model_construct(
-            observation=observation, command=guarded.command, refused=guarded.reason
+            observation=observation,
+            command=guarded.command,
+            refused=guarded.reason,
+            sent=sent,
+            surroundings_s=surroundings_s,
         )
         self._bus.publish(Key.COMMAND, record.model_dump_json().encode(), droppable=True)
 

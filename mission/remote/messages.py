@@ -199,7 +199,13 @@ class TickRecord(BaseModel):
     model_config = ConfigDict(frozen=True, ser_json_inf_nan="constants")
     observation: Observation
     command: Command
+    """As the guard let it pass."""
     refused: str = ""
+    """Why the guard changed it; empty: unchanged."""
+    sent: bool | None = None
+    """The setpoint left for the autopilot; None: recorded before that was told."""
+    surroundings_s: float | None = None
+    """Stamp of the occupancy that the guard looked at: minus infinity before the first."""
 
 
 Reply.model_rebuild()
