@@ -151,11 +151,11 @@ def _triangles(stations: BladeStations) -> tuple[Float, Float, Float, Float, Flo
     return a, b, c, of_a, of_b, of_c
 
 
-def outline_px(stations: BladeStations, camera: CameraPose, lens: Lens) -> Float:
-    """Return the blade's outline (K, 2) in pixels: along one edge, back along the other.
+def edges_px(stations: BladeStations, camera: CameraPose, lens: Lens) -> tuple[Float, Float]:
+    """Return the blade's two edges in the picture, (K, 2) pixels each, root to tip.
 
-    Sections behind the camera are left out; the outline may leave the picture. Empty where fewer
-    than two sections lie ahead.
+    Sections behind the camera are left out; the edges may leave the picture. Both are empty where
+    fewer than two sections lie ahead.
     """
     shell = stations.shell()
     flat = (shell.reshape(-1, 3) - camera.position_w) @ camera.rotation_wc
@@ -163,7 +163,7 @@ def outline_px(stations: BladeStations, camera: CameraPose, lens: Lens) -> Float
     pixels, ahead = pixels.reshape(*shell.shape[:2], 2), ahead.reshape(shell.shape[:2])
     pixels = pixels[ahead.all(axis=1)]
     if len(pixels) < 2:
-        return np.zeros((0, 2))
+        return np.zeros((0, 2)), np.zeros((0, 2))
     middle = pixels.mean(axis=1)
     along = np.gradient(middle, axis=0)
     length = np.linalg.norm(along, axis=1, keepdims=True)
@@ -171,8 +171,12 @@ def outline_px(stations: BladeStations, camera: CameraPose, lens: Lens) -> Float
     aside = np.column_stack([-along[:, 1], along[:, 0]])
     across = np.einsum("svk,sk->sv", pixels - middle[:, None], aside)
     rows = np.arange(len(pixels))
-    one = pixels[rows, across.argmax(axis=1)]
-    other = pixels[rows, across.argmin(axis=1)]
+    return pixels[rows, across.argmax(axis=1)], pixels[rows, across.argmin(axis=1)]
+
+
+def outline_px(stations: BladeStations, camera: CameraPose, lens: Lens) -> Float:
+    """Return the blade's outline (K, 2) in pixels: along one edge, back along the other."""
+    one, other = edges_px(stations, camera, lens)
     return np.concatenate([one, other[::-1]])
 
 

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from mission.cli import photo_commands
 from mission.cli.exits import Exit, end
 
 
@@ -26,3 +27,4 @@ def report(
 def mount(app: typer.Typer) -> None:
     """Add the commands about finished missions to the command line."""
     app.command()(report)
+    photo_commands.mount(app)

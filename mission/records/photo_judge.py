@@ -11,7 +11,7 @@ import numpy as np
 from config.settings import Settings
 from mission.records.photo_moment import PhotoMoment
 from mission.records.photo_view import PhotoView
-from perception.blade_in_picture import clipped, outline_px
+from perception.blade_in_picture import clipped, edges_px, outline_px
 from perception.photo_quality import PhotoQuality, judge_photo
 from perception.values import Bytes, Float
 
@@ -26,7 +26,7 @@ class Verdict:
 
     quality: PhotoQuality | None
     aim_error: float | None
-    """Of the blade's foot from the picture's centre, as a share of the width."""
+    """Of the blade's middle from the picture's centre, as a share of the width."""
     blade_share: float | None
     blur_px: float | None
     """At the camera's full size."""
@@ -59,8 +59,7 @@ def judge(
         (exposure.min_grey, exposure.max_grey),
         inner,
     )
-    off = math.hypot(foot[0] - width_px / 2, foot[1] - height_px / 2) / width_px
-    aim = off if foot_w is not None and foot != _OUT_OF_SIGHT else None
+    aim = _aim_error(view, foot if foot_w is not None else None)
     blur = _blur_px(view, moment, shutter_s, settings)
     fault = _fault(quality, aim, share, blur, settings)
     return Verdict(quality, aim, share, blur, fault)
@@ -87,6 +86,27 @@ def _foot(view: PhotoView, foot_w: Float | None) -> tuple[float, float]:
     if not ahead[0]:
         return _OUT_OF_SIGHT
     return float(pixels[0, 0]), float(pixels[0, 1])
+
+
+def _aim_error(view: PhotoView, foot: tuple[float, float] | None) -> float | None:
+    """Return how far the blade's middle is from the picture's centre, as a share of the width."""
+    lens = view.lens
+    centre = np.array([lens.width_px / 2, lens.height_px / 2])
+    if view.stations is not None:
+        one, other = edges_px(view.stations, view.camera, lens)
+        if len(one) > 1:
+            return _to_line_px((one + other) / 2, centre) / lens.width_px
+    if foot is None or foot == _OUT_OF_SIGHT:
+        return None
+    return float(np.linalg.norm(np.array(foot) - centre)) / lens.width_px
+
+
+def _to_line_px(line: Float, point: Float) -> float:
+    """Return the distance of a point (2,) to a polyline (K, 2)."""
+    start, step = line[:-1], np.diff(line, axis=0)
+    share = np.einsum("kc,kc->k", point - start, step) / np.maximum((step**2).sum(axis=1), 1e-9)
+    nearest = start + np.clip(share, 0, 1)[:, None] * step
+    return float(np.linalg.norm(nearest - point, axis=1).min())
 
 
 def _blur_px(

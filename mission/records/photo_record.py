@@ -80,7 +80,9 @@ class View(_Part):
     """The LiDAR saw the blade at that moment."""
     matched: bool = False
     """The outline was laid on the blade's edges in the picture."""
+    blade_length_m: float | None = None
     stations: tuple[Station, ...] = ()
+    """Sections of the blade before the camera."""
     mask_px: tuple[tuple[float, float], ...] = ()
     """Outline of the blade in the picture: a polygon."""
     mapping: Mapping | None = None
@@ -166,7 +168,7 @@ class PhotoRecord(BaseModel):
     exposure_in_range: bool | None
     sharpness: float | None
     aim_error: float | None = None
-    """Of the blade's foot from the picture's centre, as a share of the width."""
+    """Of the blade's middle from the picture's centre, as a share of the width."""
     blade_share: float | None = None
     """Share of the picture that the blade fills."""
     blur_px: float | None = None
@@ -192,7 +194,7 @@ def read_record(photo: Path) -> PhotoRecord:
         raise NotARecord(f"{path} is not the sidecar of a photo: {words}") from error
 
 
-def view_record(view: PhotoView, *, matched: bool) -> View:
+def view_record(view: PhotoView) -> View:
     """Return the part of a sidecar that says what each pixel shows."""
     lens, stations = view.lens, view.stations
     matrix = lens.matrix.tolist()
@@ -211,7 +213,8 @@ def view_record(view: PhotoView, *, matched: bool) -> View:
         pitch_sigma_deg=round(float(np.degrees(view.pitch_sigma_rad)), 3),
         across_sigma_m=view.across_sigma_m,
         tracked=view.tracked,
-        matched=matched,
+        matched=view.matched,
+        blade_length_m=view.blade_length_m,
         stations=() if stations is None else _stations(stations),
         mask_px=tuple((round(float(x), 1), round(float(y), 1)) for x, y in mask),
         mapping=None if stations is None else _mapping(stations, camera, lens),

@@ -14,11 +14,10 @@ from mission.records.photo_moment import BladeThen, PhotoMoment, body_to_world
 from perception.blade_in_picture import BladeStations, see
 from perception.geometry import camera_looking_along
 from perception.lens import Lens, lens_of
-from perception.values import CameraPose, Float
+from perception.outline_match import MATCHED_SIGMA_M, match_outline
+from perception.values import Bytes, CameraPose, Float
 
 STATION_STEP_M = 0.5
-#: A blade's measured direction that leans more than this from the model is not believed.
-_MOST_LEAN = 0.1
 #: How far hub and root of the measured rotor are off along a blade.
 _ROOT_SIGMA_M = 0.1
 #: How far a blade seen by the LiDAR is off across its axis; and one that it did not see.
@@ -46,14 +45,17 @@ class PhotoView:
     """The LiDAR saw the blade at that moment."""
     range_m: float | None = None
     """From the camera to the blade along the optical axis."""
+    blade_length_m: float | None = None
+    matched: bool = False
+    """The outline was laid on the blade's edges in the picture."""
 
 
 def view_of(
-    moment: PhotoMoment, turbine: Turbine | None, settings: Settings, size_px: tuple[int, int]
+    moment: PhotoMoment, turbine: Turbine | None, settings: Settings, grey: Bytes
 ) -> PhotoView:
-    """Return what a picture of a size (width, height) shows, taken at a moment."""
+    """Return what a picture (H, W) shows, taken at a moment."""
     camera = camera_pose(moment, settings)
-    lens = lens_of(settings.camera, *size_px)
+    lens = lens_of(settings.camera, grey.shape[1], grey.shape[0])
     covariance: Float = settings.positioning.noise_sigma_m**2 * np.eye(3)
     yaw = math.radians(settings.gimbal.yaw_sigma_deg)
     pitch = math.radians(settings.gimbal.pitch_sigma_deg)
@@ -63,8 +65,11 @@ def view_of(
         return PhotoView(camera, lens, covariance, yaw, pitch)
     metre, point = _axis_meets(camera, blade)
     across = _TRACKED_SIGMA_M if blade.track is not None else _BENT_PER_METRE * abs(metre)
-    covariance = covariance + _relative_covariance(blade, across)
     stations = _stations(camera, lens, blade, turbine, metre)
+    match = None if stations is None else match_outline(grey, stations, camera, lens)
+    if match is not None:
+        stations, across = match.stations, MATCHED_SIGMA_M
+    covariance = covariance + _relative_covariance(blade, across)
     if stations is not None:
         seen = see(stations, lens.matrix[:2, 2][None], camera, lens)
         if seen.hit[0]:
@@ -73,7 +78,7 @@ def view_of(
     sigma = _metre_sigma(moment, camera, blade, range_m, covariance, (yaw, pitch), settings)
     return PhotoView(
         camera, lens, covariance, yaw, pitch, stations, metre, sigma, across,
-        blade.track is not None, range_m,
+        blade.track is not None, range_m, turbine.blade_length_m, match is not None,
     )  # fmt: skip
 
 
@@ -200,14 +205,5 @@ def _registered(stations: BladeStations, camera: CameraPose, blade: BladeThen) -
     skin = stations.shell()[nearest] @ aside
     off_aside = float(foot @ aside) - (float(skin.min()) + float(skin.max())) / 2
     off_deep = float((foot - stations.centre_w[nearest]) @ view)
-    direction = np.array(track.direction_w)
-    lean = direction / float(direction @ axis) - axis
-    size = float(np.linalg.norm(lean))
-    lean = lean * min(1.0, _MOST_LEAN / max(size, 1e-9))
-    # The model's own bend over these sections is in the measured direction already.
-    own = (stations.centre_w[-1] - stations.centre_w[0]) / np.ptp(stations.metre_m) - axis
-    return stations.moved(
-        off_aside * aside
-        + off_deep * view
-        + (stations.metre_m - stations.metre_m[nearest])[:, None] * (lean - own)
-    )
+    # Its direction is left: over so short a piece it is noise; the picture tells the rest.
+    return stations.moved(off_aside * aside + off_deep * view)

@@ -91,7 +91,7 @@ def store(
         raise NotAJpeg("the picture cannot be decoded")
     picture: Bytes = np.asarray(grey, np.uint8)
     now = moment_of(taken) if moment is None else moment
-    view = view_of(now, site.turbine, settings, (picture.shape[1], picture.shape[0]))
+    view = view_of(now, site.turbine, settings, picture)
     foot = None if taken.foot_w is None else np.array(taken.foot_w)
     verdict = judge(picture, view, now, foot, taken.shutter_s, settings)
     again = _again(jpeg, taken.command.photo_id, {} if seen_before is None else seen_before)
@@ -168,7 +168,7 @@ def _record(
         aim_error=verdict.aim_error,
         blade_share=verdict.blade_share,
         blur_px=verdict.blur_px,
-        view=view_record(view, matched=False),
+        view=view_record(view),
     )
 
 

@@ -238,9 +238,15 @@ def _geojson(records: Sequence[PhotoRecord]) -> Json:
                 "file": record.file,
                 "blade": record.blade,
                 "side": record.side,
+                "serial": record.serial,
                 "metre": record.metre,
+                "metre_sigma_m": record.metre_sigma_m,
                 "utc": record.utc,
                 "kept": record.kept,
+                "heading_deg": round(record.gimbal_yaw_deg, 2),
+                "pitch_deg": round(record.gimbal_pitch_deg, 2),
+                "distance_m": record.distance_m,
+                "gsd_mm": record.gsd_full_mm,
             },
         }
         for record in records
