@@ -38,6 +38,7 @@ def float_step_m(values: NDArray[np.generic]) -> float:
     """Return the spacing of the stored type at its largest finite value; 0 for other types."""
     if values.dtype.kind != "f" or not values.size:
         return 0.0
-    wide = values.astype(np.float64)
+    with np.errstate(invalid="ignore"):
+        wide = values.astype(np.float64)
     largest = np.abs(wide[np.isfinite(wide)]).max(initial=0.0)
     return float(np.spacing(values.dtype.type(largest)))

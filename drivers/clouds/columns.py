@@ -28,7 +28,8 @@ def cloud_of(path: Path, columns: Mapping[str, Column], viewpoint: Float | None)
     xyz = [named[name] for name in "xyz"]
     if any(column.ndim != 1 or column.dtype.kind not in "fiu" for column in xyz):
         raise BadFile(path, "columns x, y and z are not one number a point", "write numbers")
-    points = np.stack([column.astype(np.float64) for column in xyz], axis=1)
+    with np.errstate(invalid="ignore"):  # a signalling NaN is a point not measured, like any NaN
+        points = np.stack([column.astype(np.float64) for column in xyz], axis=1)
     step = max(float_step_m(column) for column in xyz)
     return CloudFile(points, viewpoint, time_s=_seconds(named), step_m=step)
 

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import io
+import struct
+import tokenize
 import zipfile
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +17,12 @@ from drivers.clouds.cloud_file import CloudFile, float_step_m
 from perception.values import Float
 
 _KEYS = "points (N, 3), and if known time_s (N,) and viewpoint (3,) or (N, 3)"
+
+#: What the libraries below say of a damaged archive, by the place of the damage.
+_DAMAGE = (
+    ValueError, OSError, EOFError, KeyError, AttributeError, TypeError, SyntaxError, MemoryError,
+    RuntimeError, OverflowError, struct.error, tokenize.TokenError, zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
 
 
 def read_npz(path: Path) -> CloudFile:
@@ -42,17 +51,18 @@ def _arrays(path: Path) -> dict[str, NDArray[np.generic]]:
     content = read_bytes(path)
     if content.startswith(b"\x93NUMPY"):
         raise BadFile(path, "is a bare array (NPY)", f"save with np.savez: {_KEYS}")
+    damaged = "is no whole NPZ archive (cut off, or another format)"
+    if not content.startswith(b"PK"):
+        raise BadFile(path, damaged, "copy or save it again")
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as archive:
             return {name: np.asarray(archive[name]) for name in archive.files}
-    except (ValueError, OSError, EOFError, KeyError, AttributeError, zipfile.BadZipFile) as error:
+    except _DAMAGE as error:
         if "allow_pickle" in str(error):
             raise BadFile(
                 path, "holds Python objects, which are not read", f"save plain arrays: {_KEYS}"
             ) from None
-        raise BadFile(
-            path, "is no whole NPZ archive (cut off, or another format)", "copy or save it again"
-        ) from None
+        raise BadFile(path, damaged, "copy or save it again") from None
 
 
 def _fitting(
