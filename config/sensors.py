@@ -59,8 +59,9 @@ class Camera(ConfigModel):
     """Optical centre in the body frame (forward, left, up)."""
     min_interval_s: Positive = 1.2
     """Shortest time between two photos."""
-    shutter_s: Positive = 1 / 2000
-    """Exposure time assumed for the motion-blur limit until the camera reports its own."""
+    shutter_s: Positive = 1 / 4000
+    """Exposure time asked of the camera (a higher ISO makes up for it), and assumed for the
+    motion-blur limit until the camera reports its own."""
     max_blur_px: Positive = 0.7
     stream_timeout_s: Positive = 2.0
     component_id: Annotated[int, Field(ge=1, le=255)] = 100

@@ -78,6 +78,7 @@ class Payload:
             clock,
             lambda: self.online,
             settings.exposure.step_ev,
+            settings.camera.shutter_s,
         )
         self._tasks: list[asyncio.Task[None]] = []
 

@@ -1,9 +1,10 @@
 """Exposure of a MAVLink camera through its extended parameters.
 
 `CAM_EV` is the exposure value; `CAM_EXPMODE` (0 automatic, 1 manual) says whether it is absolute
-or biases an automatic exposure: manual is chosen where the camera has it. A camera without
-`CAM_EV` has no EV control, and says so by None. What the camera applied is read back, because
-cameras clamp and round: the report is theirs, never the wish.
+or biases an automatic exposure: manual is chosen where the camera has it. `CAM_SHUTTER` is asked
+to be as short as the flight wishes, where the camera lets it be set: a quick shutter and a higher
+ISO blur less. A camera without `CAM_EV` has no EV control, and says so by None. What the camera
+applied is read back, because cameras clamp and round: the report is theirs, never the wish.
 """
 
 from __future__ import annotations
@@ -35,7 +36,8 @@ class ExposureControl:
 
     ``step_ev``: the steps to snap to, within -3 to +3, unless the camera tells (`CAM_EV_MIN`,
     `CAM_EV_MAX`, `CAM_EV_STEP`) or shows other ones.
-    ``online`` says whether the camera is there to be asked.
+    ``online`` says whether the camera is there to be asked. ``shutter_s``: the exposure time to
+    ask for; None leaves the camera's own.
     """
 
     def __init__(
@@ -45,6 +47,7 @@ class ExposureControl:
         clock: Clock,
         online: Callable[[], bool],
         step_ev: float,
+        shutter_s: float | None = None,
     ) -> None:
         self._parameters = Parameters(wire, component_id, extended=True)
         self._clock = clock
@@ -66,6 +69,8 @@ class ExposureControl:
         self.ev_stamp_s = float("-inf")
         """Mission time at which the camera confirmed it."""
         self.shutter_s: float | None = None
+        """Exposure time in force, as the camera last said."""
+        self._wanted_shutter_s = shutter_s
         self.refusals = 0
         """Wishes in a row that the camera refused or changed."""
 
@@ -130,6 +135,12 @@ class ExposureControl:
                 values[_MODE] = _MANUAL
             except Refused as error:
                 _log.info("exposure stays automatic, EV biases it: %s", error)
+        if self._wanted_shutter_s is not None and _SHUTTER in values:
+            try:
+                await self._parameters.set(_SHUTTER, self._wanted_shutter_s)
+            except Refused as error:
+                _log.info("the shutter stays the camera's own: %s", error)
+            values |= await self._parameters.read((_SHUTTER,))
         limits = await self._parameters.read((_EV_MIN, _EV_MAX, _EV_STEP))
         self.min_ev = limits.get(_EV_MIN, self.min_ev)
         self.max_ev = limits.get(_EV_MAX, self.max_ev)
@@ -144,7 +155,9 @@ class ExposureControl:
     async def _apply(self, wanted: float) -> None:
         await self._parameters.set(_EV, wanted)
         confirmed_s = self._clock.now_s()
-        applied = (await self._parameters.read((_EV,))).get(_EV)
+        told = await self._parameters.read((_EV, _SHUTTER))
+        applied = told.get(_EV)
+        self.shutter_s = told.get(_SHUTTER, self.shutter_s)
         if applied is None:
             raise Refused(f"EV {wanted:+.2f} was acknowledged but cannot be read back")
         self.ev, self.ev_stamp_s = applied, confirmed_s

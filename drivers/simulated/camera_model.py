@@ -18,7 +18,7 @@ from config.simulation import SimulatedCamera
 from drivers.simulated.link import CameraSetting
 from perception.values import Bytes, Float32
 
-#: At EV 0: 1/2000 s at ISO 100.
+#: The light of EV 0: 1/2000 s at ISO 100, or any other pair of the same product.
 _SHUTTER_AT_0_S = 1 / 2000
 _BASE_ISO = 100.0
 _HIGHEST_ISO = 800.0
@@ -47,16 +47,17 @@ class Exposure:
         return _GAIN_AT_0 * math.pow(2.0, self.ev)
 
 
-def exposure_of(ev: float) -> Exposure:
+def exposure_of(ev: float, longest_s: float = _SHUTTER_AT_0_S) -> Exposure:
     """Return shutter time and ISO of an EV.
 
-    Below zero the shutter is shortened. Above, the amplifier comes first, up to ISO 800, because
-    motion blurs a longer exposure; the shutter gives way last.
+    Where ISO 100 needs longer than ``longest_s``, the amplifier comes first, up to ISO 800,
+    because motion blurs a longer exposure; the shutter gives way last. Where it needs less, the
+    shutter is shortened.
     """
     bounded = min(_MAX_EV, max(-_MAX_EV, ev))
-    iso = min(_HIGHEST_ISO, _BASE_ISO * 2.0 ** max(0.0, bounded))
-    shutter_s = _SHUTTER_AT_0_S * 2.0**bounded * _BASE_ISO / iso
-    return Exposure(bounded, shutter_s, iso)
+    unamplified_s = _SHUTTER_AT_0_S * 2.0**bounded
+    iso = min(_HIGHEST_ISO, _BASE_ISO * max(1.0, unamplified_s / longest_s))
+    return Exposure(bounded, unamplified_s * _BASE_ISO / iso, iso)
 
 
 class ExposureControl:
@@ -88,9 +89,9 @@ class ExposureControl:
         """Return the exposure of a picture at a mission time."""
         setting = self.in_force(t_s)
         if setting.mode == "manual":
-            return exposure_of(setting.ev)
+            return exposure_of(setting.ev, setting.longest_s)
         wander = 0.0 if setting.locked else self._WANDER_EV * math.sin(t_s / 1.9)
-        return exposure_of(self._automatic_ev + wander + setting.ev)
+        return exposure_of(self._automatic_ev + wander + setting.ev, setting.longest_s)
 
     def meter(self, t_s: float, radiance: Float32) -> None:
         """Let the automatic see a frame: it moves towards its own idea of the whole frame."""

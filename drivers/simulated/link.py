@@ -39,6 +39,8 @@ class CameraSetting:
     ev: float
     locked: bool = False
     """Automatic exposure lock."""
+    longest_s: float = 1 / 2000
+    """Exposure time that is exceeded only when the amplifier is at its end."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from config.settings import Settings
+from drivers.simulated.camera_model import exposure_of
 from drivers.simulated.link import CameraSetting, StillDone, StillRequest
 from drivers.simulated.mavlink_autopilot import Command, command_of
 from drivers.simulated.mavlink_streams import Telemetry
@@ -28,6 +29,8 @@ _GIVE_UP_S = 8.0
 #: The range that is left when the camera clamps (failure word `wrong`).
 _CLAMPED_EV = 1.0
 _SLOW_S = 1.0
+#: What may be asked of the shutter.
+_SHORTEST_S, _LONGEST_S = 1 / 16000, 1 / 500
 
 
 @dataclass(slots=True)
@@ -47,6 +50,8 @@ class Exposure:
     manual: bool
     ev: float = 0.0
     locked: bool = False
+    longest_s: float = 1 / 2000
+    """Exposure time asked for: exceeded only when the amplifier is at its end."""
     shutter_s: float = 1 / 2000
     iso: float = 100.0
 
@@ -389,6 +394,8 @@ class MockCamera:
             if value not in (0, 1) or (value == 1 and self._simulated.exposure_mode != "manual"):
                 return False
             exposure.manual = value == 1
+        elif name == "CAM_SHUTTER" and _SHORTEST_S <= value <= _LONGEST_S:
+            exposure.longest_s = value
         else:
             return False
         self._tell_setting()
@@ -397,7 +404,12 @@ class MockCamera:
     def _tell_setting(self) -> None:
         exposure = self.exposure
         mode = "manual" if exposure.manual else "compensation"
-        self._ports.setting(CameraSetting(self.now_s, mode, exposure.ev, exposure.locked))
+        self._ports.setting(
+            CameraSetting(self.now_s, mode, exposure.ev, exposure.locked, exposure.longest_s)
+        )
+        if exposure.manual:
+            in_force = exposure_of(exposure.ev, exposure.longest_s)
+            exposure.shutter_s, exposure.iso = in_force.shutter_s, in_force.iso
 
     def _send(self, message: Message) -> None:
         if self._word in ("slow", "delayed"):

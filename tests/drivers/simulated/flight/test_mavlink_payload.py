@@ -98,6 +98,7 @@ def test_a_stuck_camera_rejects_ev_and_a_wrong_one_clamps_it(flight):
 def test_nan_and_unknown_types_of_ev_are_refused(flight):
     assert set_param(flight, "CAM_EV", 9, math.nan)[0] == 1
     assert set_param(flight, "CAM_SHUTTER", 9, 0.1)[0] == 1
+    assert set_param(flight, "CAM_SHUTTER", 9, 1 / 4000)[0] == 0
 
 
 def test_the_gimbal_moves_only_for_who_holds_it(flight):

@@ -43,6 +43,11 @@ def test_amplifying_is_noisier_than_opening_but_keeps_the_shutter_short() -> Non
     assert exposure_of(2.0).shutter_s == pytest.approx(1 / 2000)
     assert exposure_of(2.0).iso == pytest.approx(400.0)
     assert exposure_of(5.0).shutter_s > 1 / 2000
+    quick = exposure_of(0.0, 1 / 4000)
+    assert (quick.shutter_s, quick.iso) == (pytest.approx(1 / 4000), pytest.approx(200.0))
+    assert quick.gain == exposure_of(0.0).gain
+    assert exposure_of(-2.0, 1 / 4000).iso == pytest.approx(100.0)
+    assert exposure_of(3.0, 1 / 4000).shutter_s == pytest.approx(1 / 2000)
     clean = develop_grey(FLAT, exposure_of(0.0), 1).std()
     noisy = develop_grey(FLAT / 8, exposure_of(3.0), 1).std()
     assert 0.3 < clean < 4.0
