@@ -1,21 +1,47 @@
-"""The recording: everything on the bus in one MCAP file, readable by the stock tools."""
+"""The recording: everything on the bus in one MCAP file, readable by the stock tools.
+
+Log times are mission time, as the stamps inside scans, pictures and transforms are, so that a
+viewer has one timeline; publish times are UTC. Beside what went over the bus stand channels made
+for viewers (`scene.py`), and as metadata all that a replay needs: settings, turbine, version.
+"""
 
 from __future__ import annotations
 
 import json
+import struct
 import time
 from collections.abc import Mapping
+from importlib.metadata import version
 from pathlib import Path
+from typing import IO, cast
 
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
+from google.protobuf.message import Message
 from mcap.writer import CompressionType, Writer
 from mcap_protobuf.schema import build_file_descriptor_set
-from pydantic import BaseModel
+from pydantic import BaseModel, TypeAdapter
 
+from config.settings import Settings
+from config.turbine import Turbine
 from drivers.bus import Key
+from mission.flight.command import SensingTask
+from mission.flight.observation import (
+    BladeTrack,
+    ClearanceState,
+    ExposureState,
+    HubPrior,
+    RotorEstimate,
+)
+from mission.records.scene import SceneView
+from mission.records.spool import Spool
 from mission.remote.messages import (
     EventMessage,
+    FlightReport,
+    Intent,
+    PhotoResultMessage,
+    PhotoTakenMessage,
+    ReadyMessage,
     SensingHealth,
     StateMessage,
     TickRecord,
@@ -23,64 +49,156 @@ from mission.remote.messages import (
 )
 
 CHUNK_BYTES = 256 * 1024
-_PROTOBUF: Mapping[str, type[PointCloud | CompressedImage]] = {
+#: A chunk is closed and handed to the kernel at least so often: what a kill may cost.
+CHUNK_S = 0.5
+METADATA = "bladescout"
+_SEQUENCE = struct.Struct("<QI")
+
+SENSOR_CHANNELS: Mapping[str, type[Message]] = {
     Key.SCAN: PointCloud,
     Key.OCCUPANCY: PointCloud,
     Key.FRAME: CompressedImage,
 }
-_MODELS: Mapping[str, type[BaseModel]] = {
+JSON_CHANNELS: Mapping[str, type] = {
     Key.STATE: StateMessage,
     Key.EVENT: EventMessage,
     Key.VEHICLE: VehicleMessage,
     Key.COMMAND: TickRecord,
     Key.SENSING: SensingHealth,
+    Key.READY: ReadyMessage,
+    Key.INTENT: Intent,
+    Key.PHOTO: PhotoTakenMessage,
+    Key.PHOTO_RESULT: PhotoResultMessage,
+    Key.REPORT: FlightReport,
+    Key.TASK: SensingTask,
+    Key.CLEARANCE: ClearanceState,
+    Key.HUB_PRIOR: HubPrior,
+    Key.ROTOR: RotorEstimate,
+    Key.BLADE: BladeTrack,
+    Key.EXPOSURE: ExposureState,
 }
 
 
 class Recording:
-    """An open MCAP file. Not thread-safe: the recorder writes from one thread."""
+    """An open MCAP file. Not thread-safe: the recorder writes from one thread.
 
-    def __init__(self, path: Path) -> None:
-        self._file = path.open("wb")
-        self._writer = Writer(self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
-        self._writer.start(profile="", library="bladescout")
+    A disk that fails raises nothing: `lost` says what it cost.
+    """
+
+    def __init__(
+        self, path: Path, settings: Settings | None = None, turbine: Turbine | None = None
+    ) -> None:
+        self._spool = Spool(path)
+        # The writer asks of a stream what a spool has: write, tell and flush.
+        stream = cast("IO[bytes]", self._spool)
+        self._writer = Writer(stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
+        self._writer.start(profile="", library=f"bladescout {version('bladescout')}")
         self._channels: dict[str, int] = {}
         self._counts: dict[str, int] = {}
+        self._flushed_s = time.monotonic()
+        self._last_ns = 0
+        self._ended_ns: int | None = None
+        self._fault = ""
+        self._scene = None if settings is None else SceneView(settings)
+        if settings is not None:
+            self._describe(settings, turbine)
 
-    def add(self, key: str, payload: bytes, mission_ns: int | None = None) -> None:
-        """Append one message; its log time is UTC, its publish time mission time."""
-        channel = self._channels.get(key)
-        if channel is None:
-            channel = self._channels[key] = self._register(key)
-        now_ns = time.time_ns()
+    def _describe(self, settings: Settings, turbine: Turbine | None) -> None:
+        described = {"version": version("bladescout"), "settings": settings.model_dump_json()}
+        if turbine is not None:
+            described["turbine"] = turbine.model_dump_json()
+        self._writer.add_metadata(METADATA, described)
+        self._spool.flush()
+
+    def add(
+        self,
+        key: str,
+        payload: bytes,
+        mission_ns: int,
+        *,
+        attachment: bytes | None = None,
+        utc_ns: int | None = None,
+    ) -> None:
+        """Append one message of the bus and what viewers are shown of it.
+
+        ``mission_ns``: mission time at which it came; ``utc_ns``: the same in UTC (None: now);
+        ``attachment``: as sent beside scans and pictures, it holds their sequence.
+        """
+        utc_ns = time.time_ns() if utc_ns is None else utc_ns
         count = self._counts[key] = self._counts.get(key, 0) + 1
+        sequence = count
+        if attachment is not None and len(attachment) == _SEQUENCE.size:
+            sequence = _SEQUENCE.unpack(attachment)[0] & 0xFFFFFFFF
+        self._put(key, payload, mission_ns, utc_ns, sequence)
+        if self._scene is not None:
+            for topic, message in self._scene.of(key, payload, mission_ns):
+                self._put(topic, message.SerializeToString(), mission_ns, utc_ns, count, message)
+        self._flush_when_due(mission_ns)
+
+    def _put(
+        self,
+        topic: str,
+        payload: bytes,
+        mission_ns: int,
+        utc_ns: int,
+        sequence: int,
+        message: Message | None = None,
+    ) -> None:
+        channel = self._channels.get(topic)
+        if channel is None:
+            channel = self._channels[topic] = self._register(topic, message)
         self._writer.add_message(
             channel_id=channel,
-            log_time=now_ns,
-            publish_time=now_ns if mission_ns is None else mission_ns,
-            sequence=count,
+            log_time=mission_ns,
+            publish_time=utc_ns,
+            sequence=sequence,
             data=payload,
         )
 
-    def _register(self, key: str) -> int:
-        if key in _PROTOBUF:
-            kind = _PROTOBUF[key]
+    def _flush_when_due(self, mission_ns: int) -> None:
+        now_s = time.monotonic()
+        if now_s - self._flushed_s >= CHUNK_S:
+            self._flushed_s = now_s
+            self._writer.flush()
+            self._fault = self._spool.fault or self._fault
+        if self._spool.ended and self._ended_ns is None:
+            self._ended_ns = self._last_ns
+        self._last_ns = mission_ns
+
+    def _register(self, topic: str, message: Message | None) -> int:
+        kind = SENSOR_CHANNELS.get(topic) if message is None else type(message)
+        if kind is not None:
             schema = self._writer.register_schema(
                 name=kind.DESCRIPTOR.full_name,
                 encoding="protobuf",
                 data=build_file_descriptor_set(kind).SerializeToString(),
             )
-            return int(self._writer.register_channel(f"/{key}", "protobuf", schema))
-        model = _MODELS.get(key)
-        described = {"type": "object"} if model is None else model.model_json_schema()
+            return int(self._writer.register_channel(f"/{topic}", "protobuf", schema))
         schema = self._writer.register_schema(
-            name=f"bladescout.{key.replace('/', '.')}",
+            name=f"bladescout.{topic.replace('/', '.')}",
             encoding="jsonschema",
-            data=json.dumps(described).encode(),
+            data=json.dumps(_json_schema(topic)).encode(),
         )
-        return int(self._writer.register_channel(f"/{key}", "json", schema))
+        return int(self._writer.register_channel(f"/{topic}", "json", schema))
+
+    def lost(self) -> tuple[str, ...]:
+        """Return what the recording lacks, in words; empty: nothing."""
+        if self._spool.ended:
+            after_s = (self._last_ns if self._ended_ns is None else self._ended_ns) * 1e-9
+            return (f"the recording ends at mission second {after_s:.0f}: {self._fault}",)
+        return ()
 
     def close(self) -> None:
         """Write the summary and close the file."""
         self._writer.finish()
-        self._file.close()
+        self._spool.close()
+        self._fault = self._spool.fault or self._fault
+
+
+def _json_schema(topic: str) -> dict[str, object]:
+    kind = JSON_CHANNELS.get(topic)
+    if kind is None:
+        return {"type": "object"}
+    if issubclass(kind, BaseModel):
+        return kind.model_json_schema()
+    return TypeAdapter(kind).json_schema()
