@@ -8,6 +8,8 @@ from pydantic import Field
 
 from config.model import ConfigModel, Positive
 
+TLS_END_POINT = r"^(tls/[^/ ]+:[0-9]{1,5})?$"
+
 
 class Autopilot(ConfigModel):
     """MAVLink links, as MAVSDK 4 writes them (`udpin://`, `tcpout://`, `serial:///dev/...:baud`)."""
@@ -24,10 +26,22 @@ class Autopilot(ConfigModel):
 
 
 class Bus(ConfigModel):
-    """The Zenoh bus. Loopback only unless told otherwise."""
+    """The Zenoh bus: loopback for this computer's own processes, TLS for everyone else."""
 
     listen: str = "tcp/127.0.0.1:7447"
-    """End point on which `serve` opens the router."""
+    """End point on which `serve` opens the router to this computer's processes; without TLS."""
+    insecure: bool = False
+    """Let `listen` be reached from elsewhere: whoever reaches it may then start missions."""
+    remote: Annotated[str, Field(pattern=TLS_END_POINT)] = ""
+    """TLS end point for clients with a certificate, as tls/0.0.0.0:7448; empty: none."""
+    uplink: Annotated[str, Field(pattern=TLS_END_POINT)] = ""
+    """TLS end point of a site's router to join, as tls/192.168.1.2:7448; empty: none."""
+    keys: str = ""
+    """Folder with ca.pem, cert.pem, key.pem and roles.toml, as `bladescout keys` makes it."""
+    verify_name: bool = True
+    """The other side's certificate must name the host that was connected to."""
+    requests_per_s: Annotated[float, Field(gt=0, le=1000)] = 20.0
+    """Requests that one client may make, after a burst of as many."""
     connect: str = ""
     """End point that clients connect to; empty: the same as `listen`."""
 
@@ -35,3 +49,11 @@ class Bus(ConfigModel):
     def endpoint(self) -> str:
         """The end point that a client connects to."""
         return self.connect or self.listen
+
+    @property
+    def exposed(self) -> bool:
+        """Whether `listen` can be reached from other computers, without any certificate."""
+        protocol, _, address = self.listen.partition("/")
+        host = address.rpartition(":")[0].strip("[]")
+        here = host in ("localhost", "::1") or host.startswith("127.")
+        return not here and not protocol.startswith("unix")

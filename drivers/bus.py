@@ -1,5 +1,8 @@
 """The Zenoh bus: sensor data, estimates and state between processes, requests from afar.
 
+Processes of this computer meet over loopback; everyone else comes by TLS with a certificate of the
+site, and may do what `drivers.bus_access` says.
+
 Publishing never blocks the caller: one thread per session puts in order, and where the network
 does not keep up the oldest sensor data is dropped and counted. Subscriptions hand their samples
 to the event loop (or call straight back where there is no loop).
@@ -8,11 +11,11 @@ to the event loop (or call straight back where there is no loop).
 from __future__ import annotations
 
 import asyncio
-import json
 import logging
 import threading
+import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from types import TracebackType
@@ -21,12 +24,17 @@ from typing import Self
 import zenoh
 
 from config.links import Bus as BusSettings
+from drivers.bus_access import LOCAL
+from drivers.bus_session import client_config, router_config
+from drivers.request_rate import RequestRate
 
 log = logging.getLogger(__name__)
 
 #: More than this many messages waiting: sensor data is dropped, oldest first.
 MAX_WAITING = 512
-MAX_REQUEST_BYTES = 1 << 20
+MAX_REQUEST_BYTES = 64 * 1024
+#: Asked for in a bucket of their own, so that no flood of other requests delays them.
+_URGENT = frozenset({"pause", "stop", "abort"})
 
 
 class Key(StrEnum):
@@ -64,29 +72,22 @@ class Sample:
     """Below ``bladescout/<vehicle>/``."""
     payload: bytes
     attachment: bytes | None
+    vehicle: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Ask:
+    """One request as it came."""
+
+    verb: str
+    who: str
+    """Name of the certificate that asks, as the router has let it in; `LOCAL` over loopback."""
+    payload: bytes
+    """At most one byte more than `MAX_REQUEST_BYTES`."""
 
 
 class BusUnreachable(ConnectionError):
     """Nobody answers at the bus's end point, or it cannot be opened there."""
-
-
-def _session_config(mode: str, *, listen: str = "", connect: str = "") -> zenoh.Config:
-    config = zenoh.Config()
-    entries: dict[str, object] = {
-        "mode": mode,
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": False,
-        "listen/endpoints": [listen] if listen else [],
-        "connect/endpoints": [connect] if connect else [],
-        "connect/timeout_ms": 5000,
-        "connect/exit_on_failure": True,
-        "transport/shared_memory/enabled": False,
-        "transport/link/rx/max_message_size": 64 << 20,
-        "transport/link/tx/queue/size/data": 8,
-    }
-    for key, value in entries.items():
-        config.insert_json5(key, json.dumps(value))
-    return config
 
 
 class Bus:
@@ -108,16 +109,20 @@ class Bus:
 
     @classmethod
     def open_router(cls, settings: BusSettings, vehicle: str) -> Self:
-        """Open the router that all others connect to. Call with a running event loop."""
-        return cls._open(
-            _session_config("router", listen=settings.listen), settings.listen, vehicle
-        )
+        """Open the router that all others connect to. Call with a running event loop.
+
+        Raises `BusUnreachable`, `drivers.bus_session.BusNotSafe` or `drivers.bus_access.BadRoles`.
+        """
+        return cls._open(router_config(settings), settings.listen, vehicle)
 
     @classmethod
     def open_client(cls, settings: BusSettings, vehicle: str) -> Self:
-        """Connect to the router, with or without a running event loop."""
-        endpoint = settings.endpoint
-        return cls._open(_session_config("client", connect=endpoint), endpoint, vehicle)
+        """Connect to the router, with or without a running event loop.
+
+        ``vehicle``: a name, or ``*`` for all. Raises `BusUnreachable` or
+        `drivers.bus_session.BusNotSafe`.
+        """
+        return cls._open(client_config(settings), settings.endpoint, vehicle)
 
     @classmethod
     def _open(cls, config: zenoh.Config, endpoint: str, vehicle: str) -> Self:
@@ -224,29 +229,75 @@ class Bus:
 
         self._keep.append(self._session.declare_subscriber(self._prefix + key, receive))
 
-    def answer(self, key: str, on_request: Callable[[bytes], bytes]) -> None:
-        """Answer requests on a key; the callback runs on the loop and returns the reply."""
+    def answer_requests(
+        self,
+        verbs: Sequence[str],
+        on_request: Callable[[Ask], bytes],
+        *,
+        per_s: float,
+        too_many: bytes,
+    ) -> None:
+        """Answer requests on ``rpc/<verb>`` and ``rpc/<verb>/<name>``, each with one reply.
 
-        def reply(query: zenoh.Query, request: bytes) -> None:
+        The callback runs on the loop. A client that asks more often than ``per_s`` gets
+        ``too_many`` at once and does not reach it.
+        """
+        rate = RequestRate(per_s)
+
+        def reply(query: zenoh.Query, ask: Ask) -> None:
             with query:
-                query.reply(self._prefix + key, on_request(request), encoding="application/json")
+                query.reply(query.key_expr, on_request(ask), encoding="application/json")
 
         def receive(query: zenoh.Query) -> None:
-            payload = query.payload
-            request = b"" if payload is None else payload.to_bytes()[: MAX_REQUEST_BYTES + 1]
-            self._call(lambda: reply(query, request))
+            asked = self._asked(query)
+            if asked is None:
+                query.drop()
+                return
+            ask, client = asked
+            if rate.allows(client, time.monotonic()):
+                self._call(lambda: reply(query, ask))
+            else:
+                with query:
+                    query.reply(query.key_expr, too_many, encoding="application/json")
 
-        self._keep.append(self._session.declare_queryable(self._prefix + key, receive))
+        for verb in verbs:
+            key = f"{self._prefix}rpc/{verb}/**"
+            self._keep.append(self._session.declare_queryable(key, receive))
+
+    def _asked(self, query: zenoh.Query) -> tuple[Ask, str] | None:
+        """Return a request and the client whose rate it counts for; None: not for one of us."""
+        key = str(query.key_expr).removeprefix(self._prefix)
+        _, *words = key.split("/")
+        if "*" in key or not 1 <= len(words) <= 2:
+            return None
+        verb, who = words[0], words[1] if len(words) == 2 else LOCAL
+        payload = b"" if query.payload is None else query.payload.to_bytes()
+        # Over loopback the clients tell themselves apart.
+        own = query.attachment if who == LOCAL else None
+        client = who if own is None else f"{who} {own.to_bytes()[:32]!r}"
+        if verb in _URGENT:
+            client = f"{client} urgent"
+        return Ask(verb, who, bytes(payload[: MAX_REQUEST_BYTES + 1])), client
 
     def request(self, key: str, payload: bytes, timeout_s: float = 3.0) -> bytes | None:
         """Ask and wait (blocking); None when nobody answers."""
         replies = self._session.get(
-            self._prefix + key, payload=payload, timeout=timeout_s, encoding="application/json"
+            self._prefix + key,
+            payload=payload,
+            timeout=timeout_s,
+            encoding="application/json",
+            attachment=str(self._session.zid()).encode(),
         )
         for reply in replies:
             if reply.ok is not None:
                 return bytes(reply.ok.payload.to_bytes())
         return None
+
+    def alive(self, timeout_s: float = 1.0) -> tuple[str, ...]:
+        """Return the names of the vehicles whose daemons are up (blocking)."""
+        replies = self._session.liveliness().get(self._prefix + Key.ALIVE, timeout=timeout_s)
+        found = [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
+        return tuple(sorted(name.split("/")[1] for name in found))
 
     def announce(self) -> None:
         """Declare the liveliness token of this vehicle."""
@@ -254,10 +305,12 @@ class Bus:
 
     def _sample(self, sample: zenoh.Sample) -> Sample:
         attachment = sample.attachment
+        _, vehicle, key = str(sample.key_expr).split("/", 2)
         return Sample(
-            str(sample.key_expr).removeprefix(self._prefix),
+            key,
             bytes(sample.payload.to_bytes()),
             None if attachment is None else bytes(attachment.to_bytes()),
+            vehicle,
         )
 
     def _deliver(self, on_sample: Callable[[Sample], None], sample: Sample) -> None:

@@ -48,6 +48,7 @@ from mission.processes.flight_inputs import (
 from mission.processes.flight_outputs import FlightOutputs
 from mission.processes.preflight import preflight_items, read_parameters
 from mission.processes.runtime import Runtime, run_process
+from mission.remote.asked_site import asked_site
 from mission.remote.messages import Intent
 
 log = logging.getLogger(__name__)
@@ -350,7 +351,7 @@ class Flight:
 
     def _start(self, intent: Intent) -> None:
         sites = {site.name: site for site in self._settings.sites}
-        site = sites[intent.site]
+        site = asked_site(sites[intent.site], intent)
         turbine = load_turbine(site.turbine, site.scale)
         chosen = self._settings.inspection.model_copy(
             update={"blades": intent.blades, "sides": intent.sides}

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -25,6 +26,7 @@ from mission.records.photo_record import PhotoRecord
 from mission.records.photos import NotAJpeg, PhotoLost, PhotoSite, fetch, store
 from mission.records.recording import Recording
 from mission.records.summary import close_folder
+from mission.remote.asked_site import asked_settings
 from mission.remote.messages import (
     FlightReport,
     Intent,
@@ -95,8 +97,12 @@ class Recorder:
         mission = self._open
         if mission is None or sample.key.startswith(_NOT_RECORDED):
             return
-        stamp_ns = round(self._clock.now_s() * 1e9)
-        self._submit(lambda: mission.recording.add(sample.key, sample.payload, stamp_ns))
+        stamp_ns, utc_ns = round(self._clock.now_s() * 1e9), time.time_ns()
+        self._submit(
+            lambda: mission.recording.add(
+                sample.key, sample.payload, stamp_ns, attachment=sample.attachment, utc_ns=utc_ns
+            )
+        )
         try:
             mission.history.take(sample.key, sample.payload)
         except ValueError as error:  # recorded as it came; a photo's place may be told less well
@@ -118,15 +124,17 @@ class Recorder:
         if intent.kind is not RequestKind.START:
             return
         folder = Path(intent.mission_dir)
-        recording = Recording(folder / RECORDING)
+        settings = asked_settings(self._settings, intent.site, intent)
+        site = _site(settings, intent.site)
+        recording = Recording(folder / RECORDING, settings, site.turbine)
         self._open = _Open(
             intent,
             folder,
             recording,
-            _site(self._settings, intent.site),
+            site,
             PhotoHistory(self._settings.positioning),
         )
-        text = to_toml(self._settings)
+        text = to_toml(settings)
         self._submit(lambda: write_whole(folder / CONFIG, text.encode()))
 
     async def _take_photo(self, mission: _Open, taken: PhotoTakenMessage) -> None:
@@ -186,7 +194,7 @@ class Recorder:
                 mission.folder,
                 report,
                 tuple(mission.records),
-                tuple(mission.lost.values()),
+                (*mission.lost.values(), *mission.recording.lost()),
                 self._settings,
             )
         except Exception as error:  # whatever it is, those who wait are told

@@ -1,19 +1,33 @@
-"""Talk to a daemon from anywhere: start a mission, watch it, end it."""
+"""Talk to a daemon from anywhere: start a mission, watch it, end it.
+
+::
+
+    with Client("drone-1") as drone:
+        drone.start("hill-3", operator="A. Person", rotor_locked=True)
+
+Over loopback nothing else is needed. From elsewhere: ``Client("heron",
+router="tls/192.168.1.5:7448", keys="keys/ada")``, with the folder of one's own certificate.
+"""
 
 from __future__ import annotations
 
 import logging
 import socket
+import time
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from types import TracebackType
 from typing import Self, TypeVar
 
 from pydantic import ValidationError
 
+from config.inspection import BladeName, Side
 from config.links import Bus as BusSettings
 from drivers.bus import Bus, BusUnreachable, Key, Sample
-from mission.flight.observation import RequestKind
+from drivers.bus_access import CERTIFICATE_FILE, LOCAL
+from drivers.certificates import common_name
+from mission.flight.observation import RequestKind, Vec3
 from mission.remote.messages import (
     EventMessage,
     Message,
@@ -22,11 +36,13 @@ from mission.remote.messages import (
     Reply,
     StartRequest,
     StateMessage,
+    TurbineInfo,
 )
 
 log = logging.getLogger(__name__)
 
 Heard = TypeVar("Heard", bound=Message)
+NO_REPLY = "no reply: not running, or not authorised"
 _PROBE_S = 3.0
 
 
@@ -34,16 +50,32 @@ class NoReply(ConnectionError):
     """Nobody answered: the daemon is not running, or we are not authorised."""
 
 
+def bus_settings(router: str = "", keys: str | Path = "") -> BusSettings:
+    """Return the settings of a client; empty: loopback, without a certificate."""
+    return BusSettings(connect=router, keys=str(keys))
+
+
 class Client:
-    """A blocking client of one vehicle's daemon.
+    """A blocking client of one vehicle's daemon."""
 
-    ``Client("drone-1").start("demo-1", operator="Ada", rotor_locked=True)``
-    """
+    def __init__(
+        self,
+        vehicle: str = "drone-1",
+        bus: BusSettings | None = None,
+        *,
+        router: str = "",
+        keys: str | Path = "",
+    ) -> None:
+        """Connect.
 
-    def __init__(self, vehicle: str = "drone-1", bus: BusSettings | None = None) -> None:
-        """Connect. Raises `drivers.bus.BusUnreachable` when nobody listens there."""
-        settings = bus or BusSettings()
-        _probe(settings.endpoint)
+        ``router``: where, as tcp/127.0.0.1:7447 or tls/192.168.1.5:7448; ``keys``: the folder of
+        one's own certificate, for TLS. ``bus`` stands for both. Raises
+        `drivers.bus.BusUnreachable` when nobody listens there, or lets us in, and
+        `drivers.bus_session.BusNotSafe` when the keys are missing.
+        """
+        settings = bus or bus_settings(router, keys)
+        probe(settings.endpoint)
+        self._who = own_name(settings)
         self._bus = Bus.open_client(settings, vehicle)
 
     def __enter__(self) -> Self:
@@ -68,25 +100,50 @@ class Client:
         operator: str,
         rotor_locked: bool,
         request_id: str | None = None,
-        blades: tuple[str, ...] | None = None,
-        sides: tuple[str, ...] | None = None,
+        blades: tuple[BladeName, ...] | None = None,
+        sides: tuple[Side, ...] | None = None,
+        blade_serials: Mapping[BladeName, str] | None = None,
+        nacelle_yaw_deg: float | None = None,
+        blade_pitch_deg: float | None = None,
+        launch_enu_m: Vec3 | None = None,
+        valid_s: float | None = None,
+        dry_run: bool = False,
     ) -> Reply:
-        """Start a mission; `rotor_locked` is the operator's word. Raises `NoReply`."""
-        request = StartRequest.model_validate(
-            {
-                "id": request_id or uuid.uuid4().hex,
-                "site": site,
-                "operator": operator,
-                "rotor_locked": rotor_locked,
-                "blades": blades,
-                "sides": sides,
-            }
+        """Start a mission; `rotor_locked` is the operator's word. Raises `NoReply`.
+
+        ``request_id``: the same id never starts a second mission, however often it is sent.
+        ``blades``, ``sides``: what to fly; None: what is configured. ``blade_serials``,
+        ``nacelle_yaw_deg`` (compass, where the rotor faces), ``blade_pitch_deg`` and
+        ``launch_enu_m`` (take-off from the tower's base) where known. ``valid_s``: a request that
+        arrives later than this starts nothing. ``dry_run``: only check.
+        """
+        request = StartRequest(
+            id=request_id or uuid.uuid4().hex,
+            site=site,
+            operator=operator,
+            rotor_locked=rotor_locked,
+            blades=blades,
+            sides=sides,
+            blade_serials=dict(blade_serials or {}),
+            nacelle_yaw_deg=nacelle_yaw_deg,
+            blade_pitch_deg=blade_pitch_deg,
+            launch_enu_m=launch_enu_m,
+            expires_utc_s=None if valid_s is None else time.time() + valid_s,
+            dry_run=dry_run,
         )
-        return self._ask("rpc/start", request.model_dump_json())
+        return self._ask(RequestKind.START, request.model_dump_json())
 
     def status(self) -> Reply:
         """Return how the mission stands. Raises `NoReply`."""
         return self._plain("status")
+
+    def turbines(self) -> tuple[TurbineInfo, ...]:
+        """Return the turbines that a mission may be started for. Raises `NoReply`."""
+        return self._plain("turbines").turbines
+
+    def history(self) -> Reply:
+        """Return what has happened so far: state, events, photos, rotor. Raises `NoReply`."""
+        return self._plain("history")
 
     def pause(self) -> Reply:
         """Hold where the vehicle is; `resume` goes on. Raises `NoReply`."""
@@ -114,7 +171,10 @@ class Client:
         on_event: Callable[[EventMessage], None] | None = None,
         on_recorded: Callable[[RecordedMessage], None] | None = None,
     ) -> None:
-        """Call back with every state and event from now on (on the bus's thread)."""
+        """Call back with every state and event from now on (on the bus's thread).
+
+        What was before is told by `history`; the newest state is there within 0.2 s.
+        """
         self._hear(Key.STATE, StateMessage, on_state)
         if on_event is not None:
             self._hear(Key.EVENT, EventMessage, on_event)
@@ -133,20 +193,32 @@ class Client:
         self._bus.subscribe(key, take)
 
     def _plain(self, name: str) -> Reply:
-        return self._ask(f"rpc/{name}", PlainRequest(id=uuid.uuid4().hex).model_dump_json())
+        return self._ask(name, PlainRequest(id=uuid.uuid4().hex).model_dump_json())
 
-    def _ask(self, key: str, text: str) -> Reply:
+    def _ask(self, verb: str, text: str) -> Reply:
+        key = f"rpc/{verb}" if self._who == LOCAL else f"rpc/{verb}/{self._who}"
         raw = self._bus.request(key, text.encode())
         if raw is None:
-            raise NoReply("no reply: not running, or not authorised")
+            raise NoReply(NO_REPLY)
         return Reply.model_validate_json(raw)
 
 
-def _probe(endpoint: str) -> None:
-    """Knock at a TCP end point: where nobody listens, Zenoh would try for seconds."""
+def own_name(settings: BusSettings) -> str:
+    """Return in whose name we ask: the certificate's, or `LOCAL` without TLS."""
+    if not settings.endpoint.startswith("tls/"):
+        return LOCAL
+    file = Path(settings.keys) / CERTIFICATE_FILE
+    return common_name(file) if settings.keys and file.is_file() else LOCAL
+
+
+def probe(endpoint: str) -> None:
+    """Knock at an end point: where nobody listens, Zenoh would try for seconds.
+
+    Raises `drivers.bus.BusUnreachable`.
+    """
     protocol, _, address = endpoint.partition("/")
     host, _, port = address.rpartition(":")
-    if protocol != "tcp" or not port.isdecimal():
+    if protocol not in ("tcp", "tls") or not port.isdecimal():
         return
     try:
         socket.create_connection((host.strip("[]"), int(port)), timeout=_PROBE_S).close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -33,7 +34,26 @@ class Message(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-class StartRequest(Message):
+Compass = Annotated[float, Field(ge=0, lt=360)]
+Pitch = Annotated[float, Field(ge=-10, le=100)]
+Serial = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[^\x00-\x1f]+$")]
+Serials = dict[BladeName, Serial]
+
+
+class Known(Message):
+    """What the operator knows of the turbine today; None: what the configuration says."""
+
+    nacelle_yaw_deg: Compass | None = None
+    """Compass direction into which the rotor faces (upwind)."""
+    blade_pitch_deg: Pitch | None = None
+    """0 = operating, 90 = feathered."""
+    blade_serials: Serials = Field(default_factory=dict)
+    """Which physical blade stands in which position."""
+    launch_enu_m: Vec3 | None = None
+    """Where the vehicle takes off, east, north and up of the tower's base."""
+
+
+class StartRequest(Known):
     """Start a mission at one turbine."""
 
     version: Literal[1] = 1
@@ -46,13 +66,65 @@ class StartRequest(Message):
     blades: tuple[BladeName, ...] | None = None
     sides: tuple[Side, ...] | None = None
     expires_utc_s: float | None = None
+    """A request that arrives later starts nothing."""
+    dry_run: bool = False
+    """Check the request and say what would be flown; start nothing."""
 
 
 class PlainRequest(Message):
-    """Pause, resume, skip, stop, abort, status."""
+    """Pause, resume, skip, stop, abort, status, turbines, history."""
 
     version: Literal[1] = 1
     id: Identifier
+
+
+class Code(StrEnum):
+    """What a reply says to a program; these words do not change."""
+
+    OK = "ok"
+    STARTING = "starting"
+    STARTED = "started"
+    ALREADY_STARTED = "already_started"
+    WOULD_START = "would_start"
+    ACCEPTED = "accepted"
+    BAD_REQUEST = "bad_request"
+    TOO_LARGE = "too_large"
+    TOO_MANY_REQUESTS = "too_many_requests"
+    NOT_ALLOWED = "not_allowed"
+    EXPIRED = "expired"
+    ID_REUSED = "id_reused"
+    UNKNOWN_TURBINE = "unknown_turbine"
+    NOT_CONFIRMED = "not_confirmed"
+    NOT_READY = "not_ready"
+    NO_VEHICLE = "no_vehicle"
+    BUSY = "busy"
+    NOT_RUNNING = "not_running"
+    NO_FOLDER = "no_folder"
+
+
+class TurbineInfo(Message):
+    """One turbine that a mission may be started for."""
+
+    name: str
+    turbine: str
+    """Its type."""
+    hub_height_m: float
+    rotor_diameter_m: float
+    blade_length_m: float
+    tower_enu_m: Vec3
+    """Foot of the tower from the take-off point, as configured."""
+
+
+class PhotoShown(Message):
+    """Where on the turbine one photo was taken, and whether it was kept."""
+
+    photo_id: int
+    blade: str
+    side: str
+    metre: float
+    distance_m: float
+    kept: bool | None = None
+    """None: not judged yet."""
 
 
 class Reply(Message):
@@ -64,9 +136,16 @@ class Reply(Message):
     text: str
     mission_dir: str = ""
     state: StateMessage | None = None
+    turbines: tuple[TurbineInfo, ...] = ()
+    events: tuple[EventMessage, ...] = ()
+    """On `history`: the newest events, oldest first."""
+    photos: tuple[PhotoShown, ...] = ()
+    """On `history`: the photos of the mission, oldest first."""
+    rotor: RotorEstimate | None = None
+    """On `history`: the newest estimate of this mission."""
 
 
-class Intent(Message):
+class Intent(Known):
     """Supervisor to flight: one validated intent."""
 
     kind: RequestKind
@@ -108,6 +187,12 @@ class StateMessage(Message):
     ev: float | None = None
     grey: float | None = None
     link_ok: bool = True
+    yaw_rad: float | None = None
+    """ENU: 0 looks east."""
+    loop_lag_ms: float | None = None
+    """How late the latest tick of the last second came."""
+    setpoint_gap_ms: float | None = None
+    """Longest gap between setpoints in the last second, mission time."""
 
 
 class EventMessage(Message):
@@ -213,12 +298,15 @@ Reply.model_rebuild()
 __all__ = [
     "BladeTrack",
     "ClearanceState",
+    "Code",
     "EventMessage",
     "ExposureState",
     "FlightReport",
     "HubPrior",
     "Intent",
+    "Known",
     "PhotoResultMessage",
+    "PhotoShown",
     "PhotoTakenMessage",
     "PlainRequest",
     "ReadyMessage",
@@ -229,5 +317,6 @@ __all__ = [
     "StartRequest",
     "StateMessage",
     "TickRecord",
+    "TurbineInfo",
     "VehicleMessage",
 ]

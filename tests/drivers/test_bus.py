@@ -79,7 +79,9 @@ async def test_one_vehicle_does_not_hear_another(end_point):
 
 async def test_a_request_is_answered_and_an_unknown_one_gets_nothing(end_point):
     with Bus.open_router(end_point, "d") as router, Bus.open_client(end_point, "d") as client:
-        router.answer("rpc/echo", lambda raw: raw[::-1])
+        router.answer_requests(
+            ("echo",), lambda ask: ask.payload[::-1], per_s=20, too_many=b"too many"
+        )
         await asyncio.sleep(0.2)
         assert await asyncio.to_thread(client.request, "rpc/echo", b"abc") == b"cba"
         assert await asyncio.to_thread(client.request, "rpc/nobody", b"abc") is None

@@ -39,11 +39,11 @@ def test_where_nobody_listens_the_client_says_so_at_once(settings, address):
 async def test_a_request_is_answered(router, settings):
     asked = []
 
-    def answer(raw):
-        asked.append(StartRequest.model_validate_json(raw))
+    def answer(ask):
+        asked.append(StartRequest.model_validate_json(ask.payload))
         return Reply(ok=True, code="started", text="mission started").model_dump_json().encode()
 
-    router.answer("rpc/start", answer)
+    router.answer_requests(("start",), answer, per_s=20, too_many=b"")
 
     def start():
         with Client("heron", settings) as client:
@@ -56,7 +56,7 @@ async def test_a_request_is_answered(router, settings):
 
 
 async def test_a_daemon_of_another_name_gives_no_reply(router, settings):
-    router.answer("rpc/status", lambda _: b"")
+    router.answer_requests(("status",), lambda _: b"", per_s=20, too_many=b"")
 
     def status():
         with Client("stork", settings) as client:
