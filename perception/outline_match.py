@@ -29,7 +29,7 @@ SAMPLES = 60
 #: Fewer points of an edge inside the picture do not tell where it is.
 LEAST = 12
 #: The best place must be this much better than the middle one, or nothing is believed.
-LEAST_CONTRAST = 1.6
+LEAST_CONTRAST = 1.8
 MATCHED_SIGMA_M = 0.05
 
 
@@ -56,19 +56,23 @@ def match_outline(
     px_per_m = lens.focal_px / depth
     scale = WIDTH_PX / lens.width_px
     gradient = _gradient(grey, scale)
+    near = _in_sight((one + other) / 2, lens)
     shifts = np.arange(-REACH_M, REACH_M + STEP_M / 2, STEP_M)
     middle = float(metres.mean())
-    score = np.empty((len(LEANS), len(shifts)))
+    strength = np.empty((len(LEANS), len(shifts)))
     for row, lean in enumerate(LEANS):
         moved_m = shifts[:, None] + lean * (metres - middle)
         offsets = (moved_m * px_per_m)[:, :, None] * normal
-        sides = [_strength(gradient, (edge + offsets) * scale, normal) for edge in (one, other)]
-        prior = np.exp(-0.5 * ((shifts / PRIOR_M) ** 2 + (lean / PRIOR_LEAN) ** 2))
-        score[row] = np.sqrt(sides[0] * sides[1]) * prior
+        sides = [
+            _strength(gradient, (edge + offsets) * scale, normal, near) for edge in (one, other)
+        ]
+        strength[row] = np.sqrt(sides[0] * sides[1])
+    prior = np.exp(-0.5 * ((shifts / PRIOR_M) ** 2 + (LEANS[:, None] / PRIOR_LEAN) ** 2))
+    score = strength * prior
     row, column = divmod(int(score.argmax()), len(shifts))
-    usual = float(np.median(score[row][score[row] > 0])) if (score[row] > 0).any() else 0.0
-    contrast = float(score[row, column]) / max(usual, 1e-9)
-    if usual == 0.0 or contrast < LEAST_CONTRAST:
+    there = strength[row][strength[row] > 0]
+    contrast = float(strength[row, column] / np.median(there)) if len(there) else 0.0
+    if contrast < LEAST_CONTRAST:
         return None
     shift, lean = float(shifts[column]), float(LEANS[row])
     moved = stations.moved((shift + lean * (stations.metre_m - middle))[:, None] * aside_w)
@@ -100,10 +104,23 @@ def _gradient(grey: Bytes, scale: float) -> Float:
     ).astype(np.float64)
 
 
-def _strength(gradient: Float, edges_px: Float, normal: Float) -> Float:
-    """Return (C,) the mean strength of the edge along C candidates (C, S, 2); 0 out of sight."""
+def _in_sight(middle_px: Float, lens: Lens) -> tuple[int, int]:
+    """Return the first and last section (K, 2) that may show in the picture, moved aside or not."""
+    size = np.array([lens.width_px, lens.height_px])
+    inside = (np.abs(middle_px - size / 2) < size).all(axis=1)
+    rows = np.flatnonzero(inside)
+    if len(rows) == 0:
+        return 0, len(middle_px) - 1
+    return max(int(rows[0]) - 1, 0), min(int(rows[-1]) + 1, len(middle_px) - 1)
+
+
+def _strength(gradient: Float, edges_px: Float, normal: Float, near: tuple[int, int]) -> Float:
+    """Return (C,) the mean strength of the edge along C candidates (C, S, 2); 0 out of sight.
+
+    ``near``: the first and last of the S points to be looked at.
+    """
     height, width = gradient.shape[:2]
-    at = np.linspace(0, edges_px.shape[1] - 1, SAMPLES)
+    at = np.linspace(*near, SAMPLES)
     low = np.minimum(at.astype(int), edges_px.shape[1] - 2)
     share = (at - low)[None, :, None]
     points = edges_px[:, low] * (1 - share) + edges_px[:, low + 1] * share

@@ -182,12 +182,36 @@ def judgement(
         "coverage_reachable": of_reachable,
         "stills": len(stills),
         "stills_kept": len(kept),
+        "still_metres": {
+            str(still.index): found
+            for still in kept
+            if (found := centre_metre(still, caster, names)) is not None
+        },
         "stills_out_of_range": sum(not _in_range(still, settings) for still in kept),
         "stills_blurred": sum(
             still.blur_full_px > settings.camera.max_blur_px for still in kept
         ),
     }  # fmt: skip
     return json.dumps(out)
+
+
+def centre_metre(
+    still: StillTruth, caster: Raycaster, names: Sequence[str]
+) -> tuple[str, float] | None:
+    """Return the blade and metre (design, Definitions) that the optical axis of a photo meets.
+
+    None where it meets no blade.
+    """
+    mesh = caster.mesh
+    eye = still.pose.position_w.astype(np.float32)[None]
+    axis = still.pose.rotation_wc[:, 2].astype(np.float32)[None]
+    hit = caster.cast(eye, axis, still.t_s)
+    triangle = int(hit.triangle[0])
+    if triangle < 0 or int(mesh.part[triangle]) >= len(names):
+        return None
+    u, v = (float(share) for share in hit.uv[0])
+    a, b, c = (float(mesh.metre[corner]) for corner in mesh.triangles[triangle])
+    return names[int(mesh.part[triangle])], round((1 - u - v) * a + u * b + v * c, 3)
 
 
 def kept_indices(mission_dir: Path) -> Sequence[int]:

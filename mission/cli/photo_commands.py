@@ -27,7 +27,8 @@ def locate(
     as_json: AsJson = False,
 ) -> None:
     """Say what a pixel of a photo shows, and how large it is."""
-    from mission.records.locate import NotARecord, OutsidePicture, locate
+    from mission.records.locate import OutsidePicture, locate
+    from mission.records.photo_record import NotARecord
 
     try:
         found = locate(photo, (x, y), to)
@@ -57,10 +58,10 @@ def _place(place: Place) -> list[str]:
         return [f"  sky or background, {place.beside_px:.0f} px beside the blade{doubt}"]
     sigma = "" if place.metre_sigma_m is None else f" +- {place.metre_sigma_m:.2f}"
     near = f", near the {place.near}" if place.near else ""
+    chord = f"{place.from_leading_m:.2f} +- {place.chord_sigma_m:.2f} m"
     lines = [
         f"  metre {place.metre:.2f}{sigma} m from the root, {place.face} skin{near}",
-        f"  {place.from_leading_m:.2f} +- {place.chord_sigma_m:.2f} m from the leading edge "
-        f"({place.chord_share:.0%} of the chord)",
+        f"  {chord} from the leading edge, {place.chord_share:.0%} of the chord",
         f"  {place.mm_per_px:.2f} mm a pixel, seen {place.incidence_deg:.0f} deg off straight on",
     ]
     if place.uncertain:

@@ -22,7 +22,7 @@ from config.settings import Settings
 from config.simulation import Simulation
 from config.turbine import Site
 from drivers.bus import BusUnreachable
-from mission.flight.command import MissionState
+from mission.flight.command import TERMINAL, MissionState
 from mission.processes.runtime import CLOCK_FILE, SETTINGS_FILE
 from mission.remote.client import Client, NoReply
 from mission.remote.messages import EventMessage, RecordedMessage, StateMessage
@@ -31,15 +31,6 @@ READY_TIMEOUT_S = 90.0
 START_TIMEOUT_S = 30.0
 RECORD_TIMEOUT_S = 60.0
 _COMES_YET = ("not_ready", "no_vehicle")
-TERMINAL = frozenset(
-    {
-        MissionState.COMPLETED,
-        MissionState.ENDED_SAFELY,
-        MissionState.REFUSED,
-        MissionState.FAILED,
-        MissionState.RELEASED,
-    }
-)
 
 
 class SimulationFailed(RuntimeError):
@@ -110,6 +101,9 @@ def on_loopback(settings: Settings) -> Settings:
             "autopilot": settings.autopilot.model_copy(update=autopilot),
             "lidar": settings.lidar.model_copy(update=lidar),
             "camera": settings.camera.model_copy(update=camera),
+            "positioning": settings.positioning.model_copy(
+                update={"method": settings.simulation.position_profile}
+            ),
             "simulation": settings.simulation.model_copy(update={"camera": simulated_camera}),
         }
     )

@@ -43,7 +43,7 @@ def judge(
     settings: Settings,
 ) -> Verdict:
     """Judge a picture (H, W) of the blade whose foot (3,) the camera was aimed at."""
-    height_px, width_px = grey.shape
+    width_px = grey.shape[1]
     foot = _foot(view, foot_w)
     mask = blade_mask(view)
     share = None if mask is None else float(np.count_nonzero(mask)) / mask.size

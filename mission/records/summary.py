@@ -10,6 +10,8 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
+import numpy as np
+
 from config.settings import Settings
 from mission.flight.observation import RotorEstimate
 from mission.flight.report import PassReport
@@ -65,7 +67,11 @@ def add_truth(folder: Path, truth: Mapping[str, object]) -> Json:
     if isinstance(measured, Mapping) and isinstance(flight_timing, dict):
         # Setpoint gaps are measured by arrival at the autopilot: the field's word counts.
         flight_timing.update(measured)
-    mission["errors"] = _errors(mission, truth)
+    errors = _errors(mission, truth)
+    metres = truth.get("still_metres")
+    if isinstance(metres, Mapping):
+        errors["photo_metres"] = metre_errors(mission["photo_list"], metres)
+    mission["errors"] = errors
     write_whole(path, json.dumps(mission, indent=1).encode())
     write_report(folder)
     return mission
@@ -94,6 +100,33 @@ def _errors(mission: Json, truth: Mapping[str, object]) -> Json:
             if blade["pitch_deg"] is not None and blade["name"] in pitch
         }
     return errors
+
+
+def metre_errors(photos: object, true: Mapping[str, Sequence[object]]) -> Json | None:
+    """Return how well the kept photos' metres, and the uncertainty they state, hold.
+
+    ``photos``: the photo list of mission.json; ``true``: blade and metre of each still's centre.
+    """
+    errors, scaled = [], []
+    for photo in photos if isinstance(photos, list) else []:
+        found = true.get(str(photo["still_index"]))
+        if not photo["kept"] or found is None or found[0] != photo["blade"]:
+            continue
+        error = abs(photo["metre"] - float(str(found[1])))
+        errors.append(error)
+        if photo["metre_sigma_m"]:
+            scaled.append(error / photo["metre_sigma_m"])
+    if not errors:
+        return None
+    return {
+        "photos": len(errors),
+        "p50_m": float(np.quantile(errors, 0.5)),
+        "p95_m": float(np.quantile(errors, 0.95)),
+        "max_m": max(errors),
+        # Of an honest normal sigma 0.68 and 0.95.
+        "within_1_sigma": float(np.mean(np.array(scaled) < 1)) if scaled else None,
+        "within_2_sigma": float(np.mean(np.array(scaled) < 2)) if scaled else None,
+    }
 
 
 def _mission(
@@ -137,6 +170,8 @@ def _mission(
                 "blade": one.blade,
                 "side": one.side,
                 "metre": one.metre,
+                "metre_sigma_m": one.metre_sigma_m,
+                "still_index": one.still_index,
                 "kept": one.kept,
                 "reason": one.reason,
                 "mean_grey": one.mean_grey,

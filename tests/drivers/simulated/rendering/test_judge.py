@@ -138,3 +138,14 @@ def test_half_written_and_foreign_sidecars_are_passed_over(tmp_path: Path) -> No
     (photos / "list.json").write_text("[1]")
     (photos / "word.json").write_text('{"still_index": "x", "kept": true}')
     assert list(kept_indices(folder)) == [4]
+
+
+def test_the_truth_says_which_metre_a_photo_shows(
+    scene: Scene, settings: Settings, caster: Raycaster, tmp_path: Path
+) -> None:
+    folder = photos_of(tmp_path, i0=True)
+    out = judged(scene, settings, caster, folder, still(scene, along_m=20.0))
+    names = ("A", "B", "C") if scene.stop_angle_deg < 75.0 else ("B", "C", "A")
+    blade, metre = out["still_metres"]["0"]  # type: ignore[index]
+    assert blade == names[0]
+    assert metre == pytest.approx(20.0 - scene.turbine.hub_radius_m, abs=0.1)
