@@ -23,7 +23,7 @@ from config.inspection import Exposure
 from perception.exposure_automatic import Automatic
 from perception.exposure_limits import EvSteps
 from perception.exposure_response import BRIGHT, DARK, Histogram, Response
-from perception.exposure_timeline import EvTimeline
+from perception.exposure_timeline import EvTimeline, Span
 from perception.exposure_trend import Trend
 from perception.metering import Metered
 
@@ -47,10 +47,16 @@ class _Seen:
     stamp_s: float
     metered: Metered
     level_ev: float
+    span: Span
+    """Of the level: where it is only bounded, the bounds."""
     ev: float
     certain: bool
-    measured: bool
     histogram: Histogram | None
+
+    @property
+    def measured(self) -> bool:
+        """Whether the level is more than a bound."""
+        return self.span[0] == self.span[1]
 
 
 class PredictiveExposure:
@@ -98,16 +104,19 @@ class PredictiveExposure:
         figures = (metered.mean_grey, metered.clipped, metered.low_grey, stamp_s)
         if not all(map(math.isfinite, figures)) or stamp_s <= newest_s:
             return held
-        level_ev, measured = self._level(metered)
+        level_ev, span = self._level(metered)
         period_s = min(max(stamp_s - newest_s, 0.02), 0.2)
         expected = self._expected_light(stamp_s)
-        found = self.timeline.ev_of(stamp_s, level_ev, expected, 0.6 * period_s)
+        found = self.timeline.ev_of(stamp_s, span, expected, 0.6 * period_s)
         if found is None:
             return held
-        seen = _Seen(stamp_s, metered, level_ev, *found, measured, histogram)
+        seen = _Seen(stamp_s, metered, level_ev, span, *found, histogram)
         last = self._frames[-1] if self._frames else None
-        known = last is not None and last.measured and measured
-        self.timeline.vote(stamp_s, level_ev - last.level_ev if last and known else None)
+        change_ev = None
+        if last is not None and last.measured and seen.measured:
+            drift_ev = self._drift(stamp_s - last.stamp_s)
+            change_ev = level_ev - last.level_ev - drift_ev
+        self.timeline.vote(stamp_s, change_ev)
         self._follow(seen)
         self._frames.append(seen)
         self._learn()
@@ -117,33 +126,34 @@ class PredictiveExposure:
         self._hold(target_ev - (self._frames[-1].level_ev - seen.ev) - ahead, stamp_s)
         return self._held_ev if self._held_ev is not None else held
 
-    def _level(self, metered: Metered) -> tuple[float, bool]:
-        """Return the EV of the blade's grey, and whether it is more than a bound."""
+    def _level(self, metered: Metered) -> tuple[float, Span]:
+        """Return the EV of the blade's grey as taken, and what it may be."""
         grey = min(max(metered.mean_grey, 0.0), 255.0)
         mean_ev = self.response.ev_at(grey)
         if metered.clipped > CLIPPED and grey > self._settings.target_grey:
             if metered.low_grey < BRIGHT and self._darkest_ev is not None:
                 # The darkest pixels are not clipped: how far they lie below the mean is known.
-                darkest = self.response.ev_at(metered.low_grey) - self._darkest_ev
-                return max(darkest, mean_ev), metered.clipped < 0.5
-            return mean_ev + BEYOND_WHITE_EV * min(metered.clipped, 1.0), False
+                level = max(self.response.ev_at(metered.low_grey) - self._darkest_ev, mean_ev)
+                return level, (level, level) if metered.clipped < 0.5 else (mean_ev, math.inf)
+            return mean_ev + BEYOND_WHITE_EV * min(metered.clipped, 1.0), (mean_ev, math.inf)
         if grey < DARK:
-            return mean_ev - BEYOND_BLACK_EV * (1.0 - grey / DARK), False
+            return mean_ev - BEYOND_BLACK_EV * (1.0 - grey / DARK), (-math.inf, mean_ev)
         if metered.clipped < 0.002 and metered.low_grey > DARK:
             below = self.response.ev_at(metered.low_grey) - mean_ev
             before = below if self._darkest_ev is None else self._darkest_ev
             self._darkest_ev = before + 0.1 * (below - before)
-        return mean_ev, True
+        return mean_ev, (mean_ev, mean_ev)
 
-    def _expected_light(self, stamp_s: float) -> float | None:
+    def _expected_light(self, stamp_s: float) -> Span | None:
         if not self._frames or stamp_s - self._frames[-1].stamp_s > _TOGETHER_S:
             return None
         last = self._frames[-1]
-        passed_s = stamp_s - last.stamp_s
-        return (
-            last.level_ev - last.ev + self.automatic.ahead(passed_s)
-            + self.trend.rate() * passed_s
-        )  # fmt: skip
+        more = self._drift(stamp_s - last.stamp_s) - last.ev
+        return last.span[0] + more, last.span[1] + more
+
+    def _drift(self, passed_s: float) -> float:
+        """Return by how much (EV) light and automatic are expected to change in a time."""
+        return self.automatic.ahead(passed_s) + self.trend.rate() * passed_s
 
     def _follow(self, seen: _Seen) -> None:
         """Feed the trend with what the automatic does not explain, and the automatic."""
@@ -186,8 +196,11 @@ class PredictiveExposure:
         whole_ev = self.response.light_of(after.histogram)
         if self.response.learn(before.histogram, after.histogram, change_ev, weight):
             self.automatic.recalibrate(self.response.light_of(after.histogram) - whole_ev)
-            seen = [replace(one, level_ev=self._level(one.metered)[0]) for one in self._frames]
-            self._frames = deque(seen, maxlen=4)
+            self._frames = deque((self._seen_anew(one) for one in self._frames), maxlen=4)
+
+    def _seen_anew(self, seen: _Seen) -> _Seen:
+        level_ev, span = self._level(seen.metered)
+        return replace(seen, level_ev=level_ev, span=span)
 
     def _hold(self, wanted_ev: float, stamp_s: float) -> None:
         """Move the wish when another step is clearly nearer, and note what is asked for."""

@@ -34,7 +34,7 @@ MAX_FACTOR = 4.0
 _PRIOR, _SMOOTH, _RANK_EV = 0.6, 0.2, 0.08
 #: Weight that old evidence keeps when new one comes.
 _KEPT = 0.97
-_RANKS: Float = np.arange(0.02, 0.981, 0.03)
+_RANKS: Float = np.linspace(0.02, 0.98, 33, dtype=np.float64)
 #: A rank whose grey spreads by this much over its neighbours lies between two things seen.
 _GAP_GREY = 6.0
 
@@ -44,8 +44,7 @@ class Response:
 
     def __init__(self) -> None:
         """Start from the sRGB curve."""
-        srgb_ev = _srgb_ev(KNOTS)
-        nominal: Float = srgb_ev[1:] - srgb_ev[:-1]
+        nominal: Float = np.diff(_srgb_ev(KNOTS)).astype(np.float64)
         self._nominal_ev = nominal
         self._widths_ev: Float = nominal.copy()
         size = len(nominal)

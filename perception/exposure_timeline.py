@@ -35,6 +35,10 @@ _BETTER_EV = 0.15
 _OLD_S = 1.5
 
 
+#: Lowest and highest value that may be, in EV; equal where it is measured.
+Span = tuple[float, float]
+
+
 @dataclass(slots=True)
 class _Setting:
     ev: float
@@ -91,12 +95,13 @@ class EvTimeline:
         self._settings = deque(sorted(kept, key=lambda one: one.stamp_s), maxlen=32)
 
     def ev_of(
-        self, stamp_s: float, level_ev: float, expected_light_ev: float | None, slack_s: float
+        self, stamp_s: float, level: Span, expected_light: Span | None, slack_s: float
     ) -> tuple[float, bool] | None:
         """Return the EV of a frame and whether it is certain; None while nothing is confirmed.
 
-        ``level_ev``: EV of the blade's grey above black; ``expected_light_ev``: the light (level
-        minus EV) that the frames before let expect; ``slack_s``: how much a latency varies.
+        ``level``: EV of the blade's grey; ``expected_light``: the light (level minus EV) that the
+        frames before let expect; both as spans, for a clipped frame only bounds them.
+        ``slack_s``: how much a latency varies.
         """
         self._forget(stamp_s)
         if not self.known:
@@ -109,14 +114,14 @@ class EvTimeline:
         spread = LATENCIES_S[good]
         near = (spread[0] - slack_s <= LATENCIES_S) & (spread[-1] + slack_s >= LATENCIES_S)
         choices = np.unique(np.round(evs[near], 3))
-        if expected_light_ev is None or len(choices) == 1:
+        if expected_light is None or len(choices) == 1:
             return usual, certain
-        changes = np.abs(level_ev - choices - expected_light_ev)
+        changes = np.array([_gap(level, float(ev), expected_light) for ev in choices])
         best = int(np.argmin(changes))
         # What the learned latency says stands unless another EV explains the frame clearly better;
         # among hypotheses equally good the older setting is the careful answer.
         start = usual if certain else self._oldest(choices, stamp_s)
-        standing = abs(level_ev - start - expected_light_ev)
+        standing = _gap(level, start, expected_light)
         # A large jump that the standing EV leaves and another explains: the latency varied.
         if changes[best] < standing - _BETTER_EV and (
             not certain or changes[best] < 0.3 * standing
@@ -127,7 +132,8 @@ class EvTimeline:
     def vote(self, stamp_s: float, change_ev: float | None) -> None:
         """Let a frame judge the hypotheses.
 
-        ``change_ev``: of the blade's level since the frame before; None where either is a bound.
+        ``change_ev``: of the blade's level since the frame before, less what the light was expected
+        to do; None where either is a bound.
         """
         if not self.known:
             return
@@ -139,9 +145,16 @@ class EvTimeline:
                 # too large or too small, a wrong latency one where there is none.
                 larger = np.maximum(np.abs(changes), abs(change_ev)) + 1e-6
                 off = np.minimum(np.abs(change_ev - changes) / larger, 1.0)
-                self._costs = _KEPT * self._costs + off**2 * np.minimum(larger, _MOST_COST)
+                weight = self._weight(stamp_s)
+                costs = off**2 * np.minimum(larger, _MOST_COST)
+                self._costs = _KEPT**weight * self._costs + weight * costs
                 self._costs -= self._costs.min()
         self._last = (stamp_s, evs)
+
+    def _weight(self, stamp_s: float) -> float:
+        """Return what a frame's vote counts: in a series of changes one is taken for another."""
+        since_s = stamp_s - float(LATENCIES_S[-1])
+        return 1.0 / max(1, sum(since_s < one.stamp_s <= stamp_s for one in self._settings)) ** 2
 
     def _good(self) -> NDArray[np.intp]:
         # Nothing shows before it was asked for.
@@ -170,3 +183,8 @@ class EvTimeline:
         while len(kept) > 1 and now_s - kept[1].stamp_s > _OLD_S:
             kept.pop(0)
         self._settings = deque(kept, maxlen=32)
+
+
+def _gap(level: Span, ev: float, expected: Span) -> float:
+    """Return by how much the light must have changed for a level at an EV."""
+    return max(0.0, expected[0] - (level[1] - ev), (level[0] - ev) - expected[1])

@@ -13,11 +13,11 @@ def play(timeline, latency_s, *, fps=30, changes=8, light=lambda t: 0.0, jitter_
         t = k / fps
         true = next(ev for since, ev in reversed(evs) if since <= t)
         level = light(t) + true
-        found = timeline.ev_of(t, level, last, 0.6 / fps)
+        found = timeline.ev_of(t, (level, level), last, 0.6 / fps)
         timeline.vote(t, None if before is None else level - before)
         before = level
         ev = found[0]
-        last = level - ev
+        last = (level - ev, level - ev)
         right.append(abs(ev - true) < 0.01)
         if k % int(0.9 * fps) == 5:
             asked = float(rng.choice([-2, -1, 1, 2])) / 1.5 + (0 if asked else 0.33)
@@ -47,8 +47,18 @@ def test_a_wish_that_the_camera_never_confirmed_is_forgotten():
     timeline = EvTimeline()
     timeline.confirmed(0.0, 0.0)
     timeline.asked(2.0, 1.0)
-    assert timeline.ev_of(4.0, 0.0, 0.0, 0.02) == (0.0, True)
+    assert timeline.ev_of(4.0, (0.0, 0.0), (0.0, 0.0), 0.02) == (0.0, True)
 
 
 def test_before_the_camera_spoke_no_ev_is_known():
-    assert EvTimeline().ev_of(0.0, 0.0, None, 0.02) is None
+    assert EvTimeline().ev_of(0.0, (0.0, 0.0), None, 0.02) is None
+
+
+def test_a_frame_after_a_clipped_one_may_be_any_brighter_light():
+    timeline = EvTimeline()
+    play(timeline, 0.2, fps=10)
+    timeline.confirmed(2.0, 20.0)
+    timeline.asked(-1.0, 22.0)
+    timeline.confirmed(-1.0, 22.03)
+    # A frame earlier than usual: under EV 2 the light would have had to fall, under EV -1 not.
+    assert timeline.ev_of(22.12, (1.0, 1.0), (0.0, float("inf")), 0.12)[0] == -1.0
