@@ -17,9 +17,11 @@ from perception.voxel_hash import compiled
 
 CELL_M = 0.5
 ANGLE_STEPS = 48
-HYPOTHESES = 300
+HYPOTHESES = 240
 PLANE_THRESHOLD_M = 0.9
 SAMPLE = 900
+MIN_INLIERS = 20
+"""Of the sample, and of the image."""
 TILT_RAD = (math.radians(-7.0), math.radians(15.0))
 """Shafts rise upwind by 0-8 deg; attitude errs, and a plane of few points more."""
 
@@ -49,9 +51,8 @@ def rotor_planes(
     ``prior_normal_w``, within 40 deg of it). Deterministic: the draws have a fixed seed.
     """
     rng = np.random.default_rng(12345)
-    sample = (
-        points_w if len(points_w) <= SAMPLE else points_w[rng.choice(len(points_w), SAMPLE, False)]
-    )
+    # Points come in the order of their time: every so many of them are a fair sample.
+    sample = points_w[:: -(-len(points_w) // SAMPLE) or 1]
     if len(sample) < 30:
         return []
     triples = sample[rng.integers(len(sample), size=(HYPOTHESES, 3))]
@@ -78,20 +79,19 @@ def rotor_planes(
     near = np.abs(sample @ normals.T - offsets) < PLANE_THRESHOLD_M
     support = near.sum(axis=0)
     middle = np.median(sample, axis=0)
+    depth = offsets - normals @ middle
     planes: list[tuple[Float, float]] = []
-    for k in np.argsort(-support):
-        n, d = normals[k], float(offsets[k])
-        if any(
-            abs(n @ m) > math.cos(math.radians(12)) and abs(d - n @ middle - e + m @ middle) < 2.0
-            for m, e in planes
-        ):
-            continue
+    while len(planes) < count:
+        k = int(np.argmax(support))
         inliers = sample[near[:, k]]
-        if len(inliers) < 20:
+        if support[k] < MIN_INLIERS:
             break
-        planes.append(_refit(inliers, n, down_w))
-        if len(planes) == count:
-            break
+        plane = _refit(inliers, normals[k], down_w)
+        planes.append(plane)
+        gap = depth - plane[1] + plane[0] @ middle
+        alike = np.abs(normals @ plane[0]) > math.cos(math.radians(12))
+        support = np.where(alike & (np.abs(gap) < 2.0), 0, support)
+        support[k] = 0
     return planes
 
 
@@ -116,19 +116,16 @@ def three_arms(
     """Return the best hub and angle within one plane, or None when the image is empty."""
     normal, offset = plane
     down, right = down_in_plane(normal, down_w), right_in_plane(normal, down_w)
-    depth = points_w @ normal - offset
     centre = search_centre_w - (search_centre_w @ normal - offset) * normal
-    local = points_w - centre
-    u, v = local @ right, local @ down
     reach = min(radius_m, 26.0)
     half = search_radius_m + reach + 2.0
-    keep = (np.abs(depth) < 0.9 + 0.028 * radius_m) & (np.abs(u) < half) & (np.abs(v) < half)
-    if keep.sum() < 20:
-        return None
     size = int(2 * half / CELL_M) + 1
-    image = np.zeros((size, size), np.float32)
-    image[((u[keep] + half) / CELL_M).astype(int), ((v[keep] + half) / CELL_M).astype(int)] = 1.0
-    spread = _blurred(image)
+    spread = np.zeros((size, size), np.float32)
+    held = _spread(
+        points_w, centre, np.stack([right, down, normal]), half, 0.9 + 0.028 * radius_m, spread
+    )
+    if held < MIN_INLIERS:
+        return None
     first, last = int(max(1.5, 0.05 * radius_m) / CELL_M), int(reach / CELL_M)
     start = _correlate(spread, size // 2, int(search_radius_m / CELL_M), first, last)
     score, cu, cv, step, a0, a1, a2 = _correlate_near(spread, *start, first, last)
@@ -137,14 +134,41 @@ def three_arms(
     return CoarseRotor(hub, normal, angle, float(score), (a0 * CELL_M, a1 * CELL_M, a2 * CELL_M))
 
 
-def _blurred(image: Float32) -> Float32:
-    """Return the image spread to its four neighbours, so that an arm may be a cell wide."""
-    spread = 0.4 * image
-    spread[1:] += 0.15 * image[:-1]
-    spread[:-1] += 0.15 * image[1:]
-    spread[:, 1:] += 0.15 * image[:, :-1]
-    spread[:, :-1] += 0.15 * image[:, 1:]
-    return spread
+@compiled
+def _spread(
+    points: Float, centre: Float, axes: Float, half: float, deep: float, image: Float32
+) -> int:
+    """Fill the occupancy image of the points (N, 3) near a plane; return how many there are.
+
+    ``axes``: (3, 3) rows right, down, normal. Every occupied cell is spread to its four
+    neighbours, so that an arm may be a cell wide.
+    """
+    size = len(image)
+    occupied = np.zeros((size, size), np.bool_)
+    held = 0
+    for n in range(len(points)):
+        x, y, z = points[n, 0] - centre[0], points[n, 1] - centre[1], points[n, 2] - centre[2]
+        if abs(x * axes[2, 0] + y * axes[2, 1] + z * axes[2, 2]) >= deep:
+            continue
+        u = x * axes[0, 0] + y * axes[0, 1] + z * axes[0, 2]
+        v = x * axes[1, 0] + y * axes[1, 1] + z * axes[1, 2]
+        if abs(u) < half and abs(v) < half:
+            occupied[int((u + half) / CELL_M), int((v + half) / CELL_M)] = True
+            held += 1
+    for i in range(size):
+        for j in range(size):
+            if not occupied[i, j]:
+                continue
+            image[i, j] += np.float32(0.4)
+            if i + 1 < size:
+                image[i + 1, j] += np.float32(0.15)
+            if i > 0:
+                image[i - 1, j] += np.float32(0.15)
+            if j + 1 < size:
+                image[i, j + 1] += np.float32(0.15)
+            if j > 0:
+                image[i, j - 1] += np.float32(0.15)
+    return held
 
 
 @compiled

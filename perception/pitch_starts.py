@@ -35,8 +35,8 @@ POOR = 0.8
 
 def best_start(solver: RotorSolver, params: Float) -> tuple[Float, float]:
     """Return the cheapest settled fit, and the cost of the best at quite another pitch."""
-    fitted = [solver.run(guess, 8) for guess in _common_pitches(solver, params)]
-    costs = [solver.cost(guess) for guess in fitted]
+    settled = [solver.run_cost(guess, 8) for guess in _common_pitches(solver, params)]
+    fitted, costs = [guess for guess, _ in settled], [cost for _, cost in settled]
     order = np.argsort(costs)
     best = _with_odd_blade(solver, _hopped(solver, fitted[order[0]], costs[order[0]]))
     cost = solver.cost(best)
@@ -56,8 +56,8 @@ def _common_pitches(solver: RotorSolver, params: Float) -> list[Float]:
     for start in PITCH_STARTS_DEG:
         guess = params.copy()
         guess[PITCHES] = math.radians(start)
-        guess = solver.run(guess, 4, held, 12.0, every, bound=True)
-        tries.append((solver.cost(guess, 12.0, every), guess))
+        guess, cost = solver.run_cost(guess, 4, held, 12.0, every, bound=True, rigid=True)
+        tries.append((cost, guess))
     tries.sort(key=lambda t: t[0])
     chosen: list[Float] = []
     for cost, guess in tries:
@@ -82,8 +82,7 @@ def _hopped(solver: RotorSolver, params: Float, cost: float) -> Float:
         while True:
             guess = best.copy()
             guess[PITCHES] += hop
-            guess = solver.run(guess, 7)
-            other = solver.cost(guess)
+            guess, other = solver.run_cost(guess, 7)
             if other > cost - 1.0 or (guess - best)[PITCHES].mean() * hop <= 0.0:
                 break
             best, cost = guess, other
@@ -107,33 +106,38 @@ def misfits(solver: RotorSolver, residual_m: Float) -> Float:
     z = np.abs(residual_m) / solver.rows.sigma_m
     z = np.where(np.isfinite(z), z, REJECT)
     parts = [z[solver.rows.blade == b] for b in range(3)]
-    return np.array([np.percentile(part, 70) if len(part) else REJECT for part in parts])
+    return np.array([_of_rank(part, 0.7) if len(part) else REJECT for part in parts])
+
+
+def _of_rank(values: Float, share: float) -> float:
+    at = int(share * (len(values) - 1))
+    return float(np.partition(values, at)[at])
 
 
 def _with_odd_blade(solver: RotorSolver, params: Float) -> Float:
     """Return the better of the fit and those with one blade a quarter turn from the others."""
     _, cost, residual = solver.last(params)
-    if not np.nanmax(blade_costs(solver, residual)) > POOR:
+    each = np.nan_to_num(blade_costs(solver, residual), nan=0.0)
+    if each.max() <= POOR:
         return params
     common = float(np.median(params[PITCHES]))
     every, held = _thinned(solver), _shape_held()
     tries: list[tuple[float, Float]] = []
     for turn in (-math.pi / 2, math.pi / 2):
-        for odd in np.eye(3):
-            # The common pitch found may be that of the two, or that of the one.
-            for turned in (odd, 1.0 - odd):
-                guess = params.copy()
-                guess[PITCHES] = common + turn * turned
-                if not np.all(np.abs(guess[PITCHES] - RANGE_RAD[0]) < RANGE_RAD[1]):
-                    continue
-                guess[kernel.CHORD :] = solver.prior.mean[kernel.CHORD :]
-                guess = solver.run(guess, 5, held, 12.0, every)
-                tries.append((solver.cost(guess, 12.0, every), guess))
+        # The common pitch found may be that of the two, and the worst blade is odd; or that of
+        # the one, which then fits best.
+        for turned in (np.eye(3)[each.argmax()], 1.0 - np.eye(3)[each.argmin()]):
+            guess = params.copy()
+            guess[PITCHES] = common + turn * turned
+            if not np.all(np.abs(guess[PITCHES] - RANGE_RAD[0]) < RANGE_RAD[1]):
+                continue
+            guess[kernel.CHORD :] = solver.prior.mean[kernel.CHORD :]
+            guess, other = solver.run_cost(guess, 5, held, 12.0, every, rigid=True)
+            tries.append((other, guess))
     tries.sort(key=lambda t: t[0])
     best = params
     for _, start in tries[:2]:
-        guess = solver.run(start, 10)
-        other = solver.cost(guess)
+        guess, other = solver.run_cost(start, 10)
         if other < cost:
             best, cost = guess, other
     return best

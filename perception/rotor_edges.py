@@ -27,6 +27,8 @@ POINT_SIGMA_M = 0.075
 EDGE_SIGMA_M = 0.045
 #: A metre never weighs more than this many independent points: the shape errs together.
 WORTH = 8.0
+REACH_SHARE = 0.005
+"""Of a blade's points may lie beyond what is called its reach."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,20 +73,24 @@ def collect_blades(
     depth along the radius, where known: the gate follows it, and no longer widens outward.
     """
     radial, tangential, normal = frame
-    rel = points_w - hub_w
     bins = int(radii[1] / bin_m) + 2
     most = 3 * bins * (POINTS_PER_BIN + 2)
     table, kind = np.empty((most, 8)), np.empty(most, np.int64)
     reach, seen = np.zeros(3), np.zeros(3)
     used = 0
+    room = np.empty((len(points_w), 3))
     for k in range(3):
-        local = rel @ np.stack([radial[k], tangential[k], normal], axis=1)
-        eye = np.array([radial[k], tangential[k], normal]) @ (viewpoint_w - hub_w)
-        kept = local[_inside(local, np.array(gate), np.array(radii), slope or 0.0, slope is None)]
-        n = _rows_of(kept, eye, k, (bin_m, bins), table[used:], kind[used:])
+        axes = np.stack([radial[k], tangential[k], normal])
+        shape = np.array([*gate, *radii, slope or 0.0, 1.0 if slope is None else 0.0])
+        kept = room[: _inside(points_w, hub_w, axes, shape, room)]
+        n, filled = _rows_of(
+            kept, axes @ (viewpoint_w - hub_w), k, (bin_m, bins), table[used:], kind[used:]
+        )
         used += n
-        reach[k] = np.quantile(kept[:, 0], 0.995) if len(kept) else 0.0
-        seen[k] = bin_m * len(np.unique((kept[:, 0] / bin_m).astype(np.int64)))
+        seen[k] = bin_m * filled
+        if len(kept):
+            outer = len(kept) - 1 - int(REACH_SHARE * (len(kept) - 1))
+            reach[k] = np.partition(kept[:, 0], outer)[outer]
     column = [np.ascontiguousarray(table[:used, c]) for c in range(8)]
     rows = Rows(
         column[0].astype(np.int64), column[1], column[2], column[3], kind[:used],
@@ -98,19 +104,27 @@ def collect_blades(
 
 
 @compiled
-def _inside(
-    local: Float, gate: Float, radii: Float, slope: float, widening: bool
-) -> NDArray[np.bool_]:
-    """Return which of the points (N, 3) r, v, w belong to the blade."""
-    keep = np.zeros(len(local), np.bool_)
-    for n in range(len(local)):
-        r, v = local[n, 0], local[n, 1]
-        if r <= radii[0] or r >= radii[1]:
+def _inside(points: Float, hub: Float, axes: Float, shape: Float, out: Float) -> int:
+    """Write r, v, w of the points (N, 3) that belong to the blade; return how many.
+
+    ``axes``: (3, 3) rows radial, tangential, normal; ``shape``: gate, radii, slope of the depth,
+    whether the gate widens.
+    """
+    side, up, behind, first, last, slope, widening = shape
+    used = 0
+    for n in range(len(points)):
+        x, y, z = points[n, 0] - hub[0], points[n, 1] - hub[1], points[n, 2] - hub[2]
+        r = x * axes[0, 0] + y * axes[0, 1] + z * axes[0, 2]
+        if r <= first or r >= last:
             continue
-        wide = gate[0] + (0.05 * min(max(r, 0.0), 20.0) if widening else 0.0)
-        depth = local[n, 2] - slope * r
-        keep[n] = abs(v) < wide and -gate[1] < depth < gate[2]
-    return keep
+        v = x * axes[1, 0] + y * axes[1, 1] + z * axes[1, 2]
+        if abs(v) >= side + widening * 0.05 * min(r, 20.0):
+            continue
+        w = x * axes[2, 0] + y * axes[2, 1] + z * axes[2, 2]
+        if -up < w - slope * r < behind:
+            out[used, 0], out[used, 1], out[used, 2] = r, v, w
+            used += 1
+    return used
 
 
 @compiled
@@ -121,8 +135,10 @@ def _rows_of(
     binning: tuple[float, int],
     table: Float,
     kind: NDArray[np.int64],
-) -> int:
-    """Write the rows of one blade, bin by bin: thinned points, then edges; return how many.
+) -> tuple[int, int]:
+    """Write the rows of one blade, bin by bin: thinned points, then edges.
+
+    Returns how many rows, and how many bins hold points.
 
     ``binning``: width of the bins, metres, and their number.
 
@@ -130,17 +146,16 @@ def _rows_of(
     middle of the bin.
     """
     bin_m, bins = binning
-    index = (local[:, 0] / bin_m).astype(np.int64)
-    order = np.argsort(index, kind="mergesort")
-    starts = np.searchsorted(index[order], np.arange(bins + 1))
+    order, starts = _sorted_by_bin(local, bin_m, bins)
     low_row = np.full(bins, -1)
     width = np.zeros(bins)
-    last, used = 0, 0
+    last, used, filled = 0, 0, 0
     for i in range(bins):
         a, b = starts[i], starts[i + 1]
         n = b - a
         if n == 0:
             continue
+        filled += 1
         step = max(1, -(-n // POINTS_PER_BIN))
         m = -(-n // step)
         sigma = POINT_SIGMA_M * math.sqrt(max(1.0, m / (WORTH * bin_m)))
@@ -169,7 +184,26 @@ def _rows_of(
         kind[used], kind[used + 1] = 1, 2
         used += 2
     kept: int = _without_borders(table, kind, used, low_row, width, last)
-    return kept
+    return kept, filled
+
+
+@compiled
+def _sorted_by_bin(  # type: ignore[no-untyped-def]  # compiled
+    local, bin_m, bins
+):
+    """Return the order of points by radial bin, theirs kept within, and where each bin starts."""
+    starts = np.zeros(bins + 1, np.int64)
+    for n in range(len(local)):
+        starts[int(local[n, 0] / bin_m) + 1] += 1
+    for i in range(bins):
+        starts[i + 1] += starts[i]
+    at = starts[:-1].copy()
+    order = np.empty(len(local), np.int64)
+    for n in range(len(local)):
+        i = int(local[n, 0] / bin_m)
+        order[at[i]] = n
+        at[i] += 1
+    return order, starts
 
 
 @compiled

@@ -43,10 +43,10 @@ MIN_ARM_M = 1.2
 MIN_SEEN_M = 2.5
 """Of each blade."""
 ROUNDS, SETTLING = 3, 7
-STILL = 2e-3
+STILL = 1e-2
 """Metres and radians: collecting the points anew would change nothing."""
-FIRST_BIN_M = 1.0
-"""Wide bins tell one pitch from another as well as narrow ones, in half the time."""
+FIRST_BIN_M = 2.0
+"""Wide bins tell one pitch from another as well as narrow ones, in a third of the time."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -144,124 +144,168 @@ def _place(params, b, i, shape, q, local, touched, spread):  # type: ignore[no-u
         q[k, 1] = ax_w + along * le_w + up * ps_w
     local[0], local[1], local[2], local[3] = le_v, le_w, ps_v, ps_w
     local[4], local[5], local[6], local[7] = chord, xa, fat, scale
-    spread[:] = 0.0
-    for j, index in enumerate((HX, HY, HZ, SR, SD, ANGLE, CONE, PREBEND, BEND, SAG)):
-        touched[j] = index
+    for j in range(PITCH):
+        touched[j] = j
+    touched[10], touched[11] = PITCH + b, SPACING + b
     spread[0, 0], spread[0, 1], spread[1, 2] = et_r, et_d, 1.0
     spread[1, 3], spread[1, 4], spread[0, 5], spread[1, 6] = r * er_r, r * er_d, r, -r
     spread[0, 7], spread[1, 7] = p1 * sense * sp, -p1 * cp
     spread[0, 8], spread[1, 8] = p2 * sense * sp, -p2 * cp
     spread[0, 9], spread[1, 9] = bend_v, bend_w
-    touched[10], touched[11] = PITCH + b, SPACING + b
-    spread[0, 10], spread[1, 10], spread[2, 10] = pre * sense * cp, pre * sp, 1.0
+    spread[0, 10], spread[1, 10], spread[5, 10] = pre * sense * cp, pre * sp, 1.0
     spread[0, 11] = r
-    for j, first in enumerate((TWIST, CHORD, AXIS, THICK)):
-        touched[12 + 2 * j], touched[13 + 2 * j] = first + knot, first + knot + 1
+    for j in range(4):
+        first = CHORD + j * KNOTS + knot
+        touched[12 + 2 * j], touched[13 + 2 * j] = first, first + 1
         spread[2 + j, 12 + 2 * j], spread[2 + j, 13 + 2 * j] = h1, h2
     return r, turn, slope
 
 
 @compiled
-def _nearest(q, v, w, kind, view_v, view_w, sense):  # type: ignore[no-untyped-def]  # compiled
-    """Return the piece of the outline a datum belongs to (or -1) and the place on it."""
-    vertices = len(q)
-    best, best_k, best_f = 1e18, -1, 0.0
-    turn = -1.0 if kind == 2 else 1.0
+def _seen_pieces(q, view_v, view_w, sense, pieces, which):  # type: ignore[no-untyped-def]  # compiled
+    """List the pieces of an outline ``q`` (V, 2) that a direction of sight meets; how many.
+
+    ``pieces``: (V, 6) start, run, one over the length squared and the length of each; ``which``:
+    (V,) its index in the outline.
+    """
+    vertices, seen = len(q), 0
     for k in range(vertices):
         k2 = k + 1 if k + 1 < vertices else 0
         dv, dw = q[k2, 0] - q[k, 0], q[k2, 1] - q[k, 1]
         # Outline runs TE, suction side, LE, pressure side: its outward normal is (dw, -dv).
         facing = sense * (dw * view_v - dv * view_w)
-        if facing >= 0.0:
-            continue
         size2 = dv * dv + dw * dw
-        if facing * facing < GRAZING * GRAZING * size2 or size2 < 1e-12:
+        steep = facing * facing < GRAZING * GRAZING * size2
+        if facing >= 0.0 or steep or size2 < 1e-12:
             continue
-        if kind == 0:
-            e_v, e_w = v - q[k, 0], w - q[k, 1]
-            dot = e_v * dv + e_w * dw
-            f = 0.0
-            if dot > 0.0:
-                f = min(dot / size2, 1.0)
-                e_v -= f * dv
-                e_w -= f * dw
-            distance = e_v * e_v + e_w * e_w
-            if distance < best:
-                best, best_k, best_f = distance, k, f
-        else:
-            if turn * q[k, 0] < best:
-                best, best_k, best_f = turn * q[k, 0], k, 0.0
-            if turn * q[k2, 0] < best:
-                best, best_k, best_f = turn * q[k2, 0], k, 1.0
-    return best_k, best_f
+        pieces[seen, 0], pieces[seen, 1], pieces[seen, 2], pieces[seen, 3] = (
+            q[k, 0], q[k, 1], dv, dw
+        )  # fmt: skip
+        pieces[seen, 4], pieces[seen, 5] = 1.0 / size2, math.sqrt(size2)
+        which[seen] = k
+        seen += 1
+    return seen
 
 
 @compiled
-def _flush(block, pull, touched, spread, half, jtj, jtr):  # type: ignore[no-untyped-def]  # compiled
-    """Spread one section's local sums (6, 6), (6,) to the rotor's parameters."""
+def _nearest(pieces, seen, v, w):  # type: ignore[no-untyped-def]  # compiled
+    """Return which of the seen pieces is nearest to a point, and the place on it."""
+    best, best_n, best_f = 1e18, 0, 0.0
+    for n in range(seen):
+        dv, dw = pieces[n, 2], pieces[n, 3]
+        e_v, e_w = v - pieces[n, 0], w - pieces[n, 1]
+        f = min(max((e_v * dv + e_w * dw) * pieces[n, 4], 0.0), 1.0)
+        e_v -= f * dv
+        e_w -= f * dw
+        distance = e_v * e_v + e_w * e_w
+        if distance < best:
+            best, best_n, best_f = distance, n, f
+    return best_n, best_f
+
+
+@compiled
+def _outermost(pieces, seen, turn):  # type: ignore[no-untyped-def]  # compiled
+    """Return the piece and end of it of least ``turn`` times v."""
+    best, best_n, best_f = 1e18, 0, 0.0
+    for n in range(seen):
+        start = turn * pieces[n, 0]
+        end = start + turn * pieces[n, 2]
+        if start < best:
+            best, best_n, best_f = start, n, 0.0
+        if end < best:
+            best, best_n, best_f = end, n, 1.0
+    return best_n, best_f
+
+
+#: Which local motion moves by which of the touched parameters: what `_place` fills of ``spread``.
+_FILLED = np.array(
+    [(0, 0), (0, 1), (1, 2), (1, 3), (1, 4), (0, 5), (1, 6), (0, 7), (1, 7), (0, 8), (1, 8),
+     (0, 9), (1, 9), (0, 10), (1, 10), (5, 10), (0, 11), (2, 12), (2, 13), (3, 14), (3, 15),
+     (4, 16), (4, 17), (5, 18), (5, 19)]
+)  # fmt: skip
+_FILLED_RIGID = 17
+"""Of them, those that do not change the sections' shape."""
+
+
+@compiled
+def _flush(block, pull, touched, spread, half, rigid, jtj, jtr):  # type: ignore[no-untyped-def]  # compiled
+    """Spread one section's local sums (6, 6), (6,) to the lower half of the rotor's parameters."""
+    filled = _FILLED_RIGID if rigid else len(_FILLED)
     half[:] = 0.0
-    for a in range(6):
-        for k in range(6):
-            weight = block[a, k] if a >= k else block[k, a]
-            for j in range(TOUCHED):
-                half[a, j] += weight * spread[k, j]
-    for i in range(TOUCHED):
-        into = touched[i]
+    for n in range(filled):
+        k, j = _FILLED[n, 0], _FILLED[n, 1]
+        share = spread[k, j]
         for a in range(6):
-            share = spread[a, i]
-            if share != 0.0:
-                jtr[into] += share * pull[a]
-                for j in range(TOUCHED):
-                    jtj[into, touched[j]] += share * half[a, j]
+            half[a, j] += (block[a, k] if a >= k else block[k, a]) * share
+    for n in range(filled):
+        a, i = _FILLED[n, 0], _FILLED[n, 1]
+        share, into = spread[a, i], touched[i]
+        jtr[into] += share * pull[a]
+        for j in range(i + 1):
+            jtj[into, touched[j]] += share * half[a, j]
 
 
 @compiled
-def normal_equations(params, rows, shape, reject, every, jtj, jtr, residual_out):  # type: ignore[no-untyped-def]  # compiled
+def normal_equations(params, rows, shape, reject, every, rigid, jtj, jtr, residual_out):  # type: ignore[no-untyped-def]  # compiled
     """Accumulate J'WJ (P, P) and J'Wr (P,) of every ``every``-th row; return the robust cost.
 
-    ``reject``: rows further off than this many sigmas are let go at a fixed cost.
-    ``residual_out``: (M,) metres, NaN where no piece of the section is visible.
+    ``reject``: rows further off than this many sigmas are let go at a fixed cost. ``rigid``: leave
+    out what changes the sections' shape. ``residual_out``: (M,) metres, NaN where no piece of the
+    section is visible.
     """
     jtj[:] = 0.0
     jtr[:] = 0.0
     cost = 0.0
     stations, vertices = shape.x.shape
     q, local = np.zeros((vertices, 2)), np.zeros(8)
+    pieces, which = np.zeros((vertices, 6)), np.zeros(vertices, np.int64)
     touched, spread = np.zeros(TOUCHED, np.int64), np.zeros((6, TOUCHED))
     block, pull, row = np.zeros((6, 6)), np.zeros(6), np.zeros(6)
     half = np.zeros((6, TOUCHED))
-    at_blade, at_station = -1, -1
+    count, seen, i = len(rows.r_m), 0, 0
+    at_blade, at_middle = -1, -1.0
     r0, turn, slope = 0.0, 0.0, 0.0
-    for m in range(0, len(rows.r_m), every):
+    for m in range(0, count, every):
         b = rows.blade[m]
-        share = (rows.middle_m[m] - shape.hub_radius_m) / shape.length_m
-        i = int(min(max(share, 0.0), 1.0) * (stations - 1) + 0.5)
-        if b != at_blade or i != at_station:
+        if b != at_blade or rows.middle_m[m] != at_middle:
             if at_blade >= 0:
-                _flush(block, pull, touched, spread, half, jtj, jtr)
+                _flush(block, pull, touched, spread, half, rigid, jtj, jtr)
             block[:] = 0.0
             pull[:] = 0.0
+            at_blade, at_middle = b, rows.middle_m[m]
+            share = (at_middle - shape.hub_radius_m) / shape.length_m
+            i = int(min(max(share, 0.0), 1.0) * (stations - 1) + 0.5)
             r0, turn, slope = _place(params, b, i, shape, q, local, touched, spread)
-            at_blade, at_station = b, i
-        off = rows.r_m[m] - r0
-        v, w, kind = rows.v_m[m] - off * turn, rows.w_m[m] - off * slope, rows.kind[m]
-        k, f = _nearest(q, v, w, kind, rows.sight[m, 0], rows.sight[m, 1], shape.sense)
-        if k < 0:
+            # A section is small: one direction of sight is that of all its rows.
+            view_v, view_w, n = 0.0, 0.0, m
+            while n < count and rows.blade[n] == b and rows.middle_m[n] == at_middle:
+                view_v += rows.sight[n, 0]
+                view_w += rows.sight[n, 1]
+                n += 1
+            seen = _seen_pieces(q, view_v / (n - m), view_w / (n - m), shape.sense, pieces, which)
+        if seen == 0:
             residual_out[m] = math.nan
             continue
+        off, kind = rows.r_m[m] - r0, rows.kind[m]
+        v, w = rows.v_m[m] - off * turn, rows.w_m[m] - off * slope
+        if kind == 0:
+            at, f = _nearest(pieces, seen, v, w)
+        else:
+            at, f = _outermost(pieces, seen, -1.0 if kind == 2 else 1.0)
+        k = which[at]
         k2 = k + 1 if k + 1 < vertices else 0
-        q_v, q_w = q[k, 0] * (1 - f) + q[k2, 0] * f, q[k, 1] * (1 - f) + q[k2, 1] * f
-        e_v, e_w = v - q_v, w - q_w
+        e_v = v - pieces[at, 0] - f * pieces[at, 2]
+        e_w = w - pieces[at, 1] - f * pieces[at, 3]
         n_v, n_w = 1.0, 0.0
         if kind == 0:
-            dv, dw = q[k2, 0] - q[k, 0], q[k2, 1] - q[k, 1]
-            size = math.sqrt(dv * dv + dw * dw)
-            n_v, n_w = shape.sense * dw / size, -shape.sense * dv / size
+            size = pieces[at, 5]
+            n_v, n_w = shape.sense * pieces[at, 3] / size, -shape.sense * pieces[at, 2] / size
             # Off the end of the outline the distance is to a vertex, not to a side.
-            size = math.sqrt(e_v * e_v + e_w * e_w)
-            if (f == 0.0 or f == 1.0) and size > 1e-4:
-                side = 1.0 if e_v * n_v + e_w * n_w >= 0 else -1.0
-                n_v, n_w = side * e_v / size, side * e_w / size
+            if f == 0.0 or f == 1.0:
+                size = math.sqrt(e_v * e_v + e_w * e_w)
+                if size > 1e-4:
+                    side = 1.0 if e_v * n_v + e_w * n_w >= 0 else -1.0
+                    n_v, n_w = side * e_v / size, side * e_w / size
         residual = n_v * e_v + n_w * e_w
         residual_out[m] = residual
         z = abs(residual) / rows.sigma_m[m]
@@ -276,18 +320,21 @@ def normal_equations(params, rows, shape, reject, every, jtj, jtr, residual_out)
         n_le, n_ps = n_v * local[0] + n_w * local[1], n_v * local[2] + n_w * local[3]
         along, up = (local[5] - sx) * local[4], -sy * local[4] * local[6]
         row[0], row[1] = n_v, n_w
+        row[2] = (along * n_le + up * n_ps) / local[7]
+        row[3] = local[4] * n_le
+        row[4] = -sy * local[4] * n_ps
         # A turn carries the leading edge towards the pressure side.
-        row[2] = along * n_ps - up * n_le
-        row[3] = (along * n_le + up * n_ps) / local[7]
-        row[4] = local[4] * n_le
-        row[5] = -sy * local[4] * n_ps
+        row[5] = along * n_ps - up * n_le
         for a in range(6):
             wa = weight * row[a]
             pull[a] += wa * residual
             for d in range(a + 1):
                 block[a, d] += wa * row[d]
     if at_blade >= 0:
-        _flush(block, pull, touched, spread, half, jtj, jtr)
+        _flush(block, pull, touched, spread, half, rigid, jtj, jtr)
+    for a in range(PARAMETERS):
+        for d in range(a):
+            jtj[d, a] = jtj[a, d]
     return cost
 
 
@@ -312,9 +359,9 @@ def _couple(params, info, jtj, jtr):  # type: ignore[no-untyped-def]  # compiled
 
 
 @compiled
-def system(params, rows, shape, prior, reject, every, jtj, jtr, residual_out):  # type: ignore[no-untyped-def]  # compiled
+def system(params, rows, shape, prior, reject, every, rigid, jtj, jtr, residual_out):  # type: ignore[no-untyped-def]  # compiled
     """Accumulate the whole system, priors included; return the cost."""
-    cost = normal_equations(params, rows, shape, reject, every, jtj, jtr, residual_out)
+    cost = normal_equations(params, rows, shape, reject, every, rigid, jtj, jtr, residual_out)
     cost += _couple(params, prior.pitch_info, jtj, jtr)
     off = params - prior.mean
     pulled = prior.info @ off
@@ -324,23 +371,51 @@ def system(params, rows, shape, prior, reject, every, jtj, jtr, residual_out):  
 
 
 @compiled
-def settle(params, rows, shape, prior, held, iterations, reject, every):  # type: ignore[no-untyped-def]  # compiled
+def _solved(matrix, value, size):  # type: ignore[no-untyped-def]  # compiled
+    """Return the solution of a positive definite system of ``size``, by Cholesky in place."""
+    for a in range(size):
+        for d in range(a + 1):
+            total = matrix[a, d]
+            for k in range(d):
+                total -= matrix[a, k] * matrix[d, k]
+            if a == d:
+                matrix[a, a] = math.sqrt(max(total, 1e-12))
+            else:
+                matrix[a, d] = total / matrix[d, d]
+    out = np.zeros(len(value))
+    for a in range(size):
+        total = value[a]
+        for k in range(a):
+            total -= matrix[a, k] * out[k]
+        out[a] = total / matrix[a, a]
+    for a in range(size - 1, -1, -1):
+        total = out[a]
+        for k in range(a + 1, size):
+            total -= matrix[k, a] * out[k]
+        out[a] = total / matrix[a, a]
+    return out
+
+
+@compiled
+def settle(params, rows, shape, prior, held, iterations, reject, every, rigid):  # type: ignore[no-untyped-def]  # compiled
     """Iterate ``params`` in place (Levenberg-Marquardt); return the least cost found.
 
-    ``held``: (P,) additional stiffness (large: not moved).
+    ``held``: (P,) additional stiffness (large: not moved); ``rigid``: the sections' shape is not
+    moved at all.
     """
     jtj, jtr = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(PARAMETERS)
     residual = np.zeros(len(rows.r_m))
-    cost = system(params, rows, shape, prior, reject, every, jtj, jtr, residual)
+    size = CHORD if rigid else PARAMETERS
+    cost = system(params, rows, shape, prior, reject, every, rigid, jtj, jtr, residual)
     damping = 1e-3
     for _ in range(iterations):
         damped = jtj.copy()
-        for k in range(PARAMETERS):
+        for k in range(size):
             damped[k, k] += held[k] + 1e-9 + damping * jtj[k, k]
-        step = np.linalg.solve(damped, jtr)
+        step = _solved(damped, jtr, size)
         before = params.copy()
         settled = True
-        for k in range(PARAMETERS):
+        for k in range(size):
             limit = 1.0 if k < SR or k == SAG else 0.3
             step[k] = min(max(step[k], -limit), limit)
             params[k] += step[k]
@@ -352,12 +427,12 @@ def settle(params, rows, shape, prior, held, iterations, reject, every):  # type
             settled = settled and abs(step[k]) < quiet
         if settled:
             break
-        after = system(params, rows, shape, prior, reject, every, jtj, jtr, residual)
+        after = system(params, rows, shape, prior, reject, every, rigid, jtj, jtr, residual)
         if after <= cost:
             cost, damping = after, max(0.2 * damping, 1e-6)
             continue
         # What is visible changes with the pitch: a step may well go uphill, and is taken back.
         params[:] = before
         damping = min(max(10.0 * damping, 1e-2), 1e3)
-        cost = system(params, rows, shape, prior, reject, every, jtj, jtr, residual)
+        cost = system(params, rows, shape, prior, reject, every, rigid, jtj, jtr, residual)
     return cost

@@ -44,17 +44,18 @@ def straighten(
     """
     hub, normal, angle, cone = coarse.hub_w, coarse.normal_w, coarse.angle_rad, CONE_RAD[0]
     reach = min(radius_m, 30.0)
-    points_w = points_w[:: -(-len(points_w) // ENOUGH)]
+    points_w = np.ascontiguousarray(points_w[:: -(-len(points_w) // ENOUGH)])
+    hub = np.array(hub, np.float64)
     for attempt in range(ROUNDS):
         radial, tangential = blade_axes(normal, down_w, angle)
         right, under = right_in_plane(normal, down_w), down_in_plane(normal, down_w)
-        rel = points_w - hub
         wide = 0.9 + 0.045 * radius_m
         deep = (4.5, 2.5)[attempt]
         middles = []
         for k in range(3):
-            local = rel @ np.stack([radial[k], tangential[k], normal], axis=1)
-            rows = _middles(local, np.array([wide, deep, 0.045 * radius_m, reach]), -math.tan(cone))
+            arm = np.stack([radial[k], tangential[k], normal])
+            gate = np.array([wide, deep, 0.045 * radius_m, reach])
+            rows = _middles(points_w, hub, arm, gate, -math.tan(cone))
             middles.append(np.column_stack([rows, np.full(len(rows), k)]))
         table = np.concatenate(middles)
         if len(table) < 9:
@@ -111,30 +112,40 @@ def _solve(
 
 
 @compiled
-def _middles(local: Float, gate: Float, slope: float) -> Float:
+def _middles(points: Float, hub: Float, axes: Float, gate: Float, slope: float) -> Float:
     """Return (M, 3) r, v, w of the middles of one arm's bins.
 
-    ``local``: (N, 3) r, v, w; ``gate``: half width, half depth, from and to which radius.
+    ``points``: (N, 3); ``axes``: (3, 3) rows radial, tangential, normal; ``gate``: half width,
+    half depth, from and to which radius.
     """
     bins = int(gate[3] / BIN_M) + 1
-    keep = np.zeros(len(local), np.bool_)
-    index = np.zeros(len(local), np.int64)
-    for n in range(len(local)):
-        r = local[n, 0]
-        index[n] = int(max(r, 0.0) / BIN_M)
-        keep[n] = gate[2] < r < gate[3] and abs(local[n, 1]) < gate[0]
-        keep[n] = keep[n] and abs(local[n, 2] - slope * r) < gate[1]
-    some = np.flatnonzero(keep)
-    some = some[np.argsort(index[some], kind="mergesort")]
-    starts = np.searchsorted(index[some], np.arange(bins + 1))
+    local, starts = np.empty((len(points), 3)), np.zeros(bins + 1, np.int64)
+    used = 0
+    for n in range(len(points)):
+        x, y, z = points[n, 0] - hub[0], points[n, 1] - hub[1], points[n, 2] - hub[2]
+        r = x * axes[0, 0] + y * axes[0, 1] + z * axes[0, 2]
+        if not gate[2] < r < gate[3]:
+            continue
+        v = x * axes[1, 0] + y * axes[1, 1] + z * axes[1, 2]
+        w = x * axes[2, 0] + y * axes[2, 1] + z * axes[2, 2]
+        if abs(v) < gate[0] and abs(w - slope * r) < gate[1]:
+            local[used, 0], local[used, 1], local[used, 2] = r, v, w
+            starts[int(r / BIN_M) + 1] += 1
+            used += 1
+    for i in range(bins):
+        starts[i + 1] += starts[i]
+    at, some = starts[:-1].copy(), np.empty(used, np.int64)
+    for n in range(used):
+        i = int(local[n, 0] / BIN_M)
+        some[at[i]] = n
+        at[i] += 1
     out = np.empty((bins, 3))
     used = 0
     for i in range(bins):
         part = some[starts[i] : starts[i + 1]]
         if len(part) < MIN_POINTS:
             continue
-        depth = np.sort(local[part, 2])
-        front = depth[len(depth) // 10]
+        front = np.partition(local[part, 2], len(part) // 10)[len(part) // 10]
         part = part[local[part, 2] < front + DEPTH_M]
         out[used, 0] = local[part, 0].mean()
         out[used, 1] = np.median(local[part, 1])

@@ -30,7 +30,7 @@ class RotorSolver:
         """Return the robust cost with priors, of every ``every``-th row."""
         return float(
             kernel.system(
-                params, self.rows, self.shape, self.prior, reject, every,
+                params, self.rows, self.shape, self.prior, reject, every, False,
                 self._jtj, self._jtr, self._residual,
             )
         )  # fmt: skip
@@ -44,16 +44,34 @@ class RotorSolver:
         every: int = 1,
         *,
         bound: bool = False,
+        rigid: bool = False,
     ) -> Float:
         """Return the parameters settled from ``params``.
 
-        ``held``: (P,) additional stiffness; ``bound``: the blades' pitches go together.
+        ``held``: (P,) additional stiffness; ``bound``: the blades' pitches go together;
+        ``rigid``: the sections keep their shape.
         """
+        return self.run_cost(params, iterations, held, reject, every, bound=bound, rigid=rigid)[0]
+
+    def run_cost(
+        self,
+        params: Float,
+        iterations: int,
+        held: Float | None = None,
+        reject: float = REJECT,
+        every: int = 1,
+        *,
+        bound: bool = False,
+        rigid: bool = False,
+    ) -> tuple[Float, float]:
+        """Return what `run` does, and its cost."""
         settled = params.copy()
         stiff = self._free if held is None else held
         prior = self.prior._replace(pitch_info=BOUND_INFO) if bound else self.prior
-        kernel.settle(settled, self.rows, self.shape, prior, stiff, iterations, reject, every)
-        return settled
+        cost = kernel.settle(
+            settled, self.rows, self.shape, prior, stiff, iterations, reject, every, rigid
+        )
+        return settled, float(cost)
 
     def last(self, params: Float) -> tuple[Float, float, Float]:
         """Return the system (P, P), the cost and the residuals (M,) at ``params``."""

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from perception.rotor import right_in_plane
 from perception.values import Float
+from perception.voxel_hash import compiled
 
 MIN_POINTS = 25
 MIN_LENGTH_M = 3.0
@@ -22,6 +23,13 @@ GRAVITY_SIGMA_RAD = math.radians(0.6)
 POINT_SIGMA_M = 0.03
 SYSTEMATIC_M = 0.008
 """Of one end of the axis against the other: bands, ladders, taper that is not linear."""
+SHAFT_SIGMA_M = 0.08
+"""How near the tower's axis passes the shaft; the hub's own error is part of it."""
+FORMAL_FACTOR = 1.2
+ITERATIONS = 12
+#: Of x0, lean x, y0, lean y, radius and taper: near vertical, size and taper of real towers.
+PRIOR_MEAN = np.array([0.0, 0.0, 0.0, 0.0, 1.6, 0.01])
+PRIOR_INFO = np.array([1e-9, 1 / 0.05**2, 1e-9, 1 / 0.02**2, 1 / 0.6**2, 1 / 0.006**2])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,68 +54,100 @@ def tower_reference(
     """
     back = normal_w - (normal_w @ down_w) * down_w
     back = back / np.linalg.norm(back)
-    right = right_in_plane(back, down_w)
-    rel = points_w - hub_w
-    x, y, z = rel @ right, rel @ back, rel @ down_w
-    wide = 0.075 * radius_m + 0.8
-    keep = (np.abs(x) < wide) & (y > 0.028 * radius_m + 0.3) & (y < 0.20 * radius_m)
-    keep &= (z > 0.085 * radius_m) & (z < 45.0)
-    x, y, z = x[keep], y[keep], z[keep]
-    if len(x) < MIN_POINTS:
+    axes = np.stack([right_in_plane(back, down_w), back, down_w])
+    points = np.ascontiguousarray(points_w)
+    local = np.empty_like(points)
+    local = local[: _behind(points, np.array(hub_w, np.float64), axes, radius_m, local)]
+    if len(local) < MIN_POINTS:
         return None
-    sel: NDArray[np.bool_] = np.ones(len(x), bool)
-    params = _start(x, y, radius_m)
-    covariance = np.eye(6)
-    for iteration in range(12):
-        if sel.sum() < MIN_POINTS:
-            return None
-        params, covariance = _step(params, x[sel], y[sel], z[sel])
-        error = _residual(params, x, y, z)[0]
-        sel = np.abs(error) < (0.5 if iteration < 4 else 0.2 if iteration < 7 else 0.12)
-    length = float(np.ptp(np.quantile(z[sel], [0.02, 0.98])))
+    size = 0.024 * radius_m + 0.3
+    # The nearest surface says where the axis is; it stands under the shaft.
+    near = np.partition(local[:, 1], len(local) // 10)[len(local) // 10]
+    params = np.array([0.0, 0.0, near + size, 0.0, size, 0.01])
+    sink = float(normal_w @ down_w) / math.hypot(*(normal_w - (normal_w @ down_w) * down_w))
+    covariance, kept = np.zeros((6, 6)), np.zeros(len(local), np.bool_)
+    if not _settle(local, params, sink, covariance, kept):
+        return None
+    depth = local[kept, 2]
+    length = float(np.ptp(np.quantile(depth, [0.02, 0.98])))
     if length < MIN_LENGTH_M or not 0.2 < params[4] < 5.0:
         return None
-    lean_x = params[1]
-    sigma = math.hypot(math.sqrt(covariance[1, 1]) * 1.2, SYSTEMATIC_M / length)
+    lean_x = float(params[1])
+    sigma = math.hypot(math.sqrt(covariance[1, 1]) * FORMAL_FACTOR, SYSTEMATIC_M / length)
     weight = GRAVITY_SIGMA_RAD**2 / (GRAVITY_SIGMA_RAD**2 + sigma**2)
     if abs(lean_x) > 4 * math.hypot(GRAVITY_SIGMA_RAD, sigma):
         return None
-    direction = down_w + weight * lean_x * right
+    direction = down_w + weight * lean_x * axes[0]
     direction = direction / np.linalg.norm(direction)
     blended = math.sqrt(weight) * sigma
-    return TowerReference(direction, blended, length, int(sel.sum()))
+    return TowerReference(direction, blended, length, int(kept.sum()))
 
 
-def _start(x: Float, y: Float, radius_m: float) -> Float:
-    """Return x0, lean x, y0, lean y, radius, taper: the nearest surface says where the axis is."""
-    size = 0.024 * radius_m + 0.3
-    return np.array([np.median(x), 0.0, float(np.quantile(y, 0.1)) + size, 0.0, size, 0.01])
+@compiled
+def _behind(points: Float, hub: Float, axes: Float, radius: float, out: Float) -> int:
+    """Write right, back, down of the points that may be the tower; return how many."""
+    wide = 0.075 * radius + 0.8
+    used = 0
+    for n in range(len(points)):
+        a, b, c = points[n, 0] - hub[0], points[n, 1] - hub[1], points[n, 2] - hub[2]
+        y = a * axes[1, 0] + b * axes[1, 1] + c * axes[1, 2]
+        if not 0.028 * radius + 0.3 < y < 0.20 * radius:
+            continue
+        x = a * axes[0, 0] + b * axes[0, 1] + c * axes[0, 2]
+        z = a * axes[2, 0] + b * axes[2, 1] + c * axes[2, 2]
+        if abs(x) < wide and 0.085 * radius < z < 45.0:
+            out[used, 0], out[used, 1], out[used, 2] = x, y, z
+            used += 1
+    return used
 
 
-def _residual(params: Float, x: Float, y: Float, z: Float) -> tuple[Float, Float, Float, Float]:
-    across, along = x - params[0] - params[1] * z, y - params[2] - params[3] * z
-    distance = np.maximum(np.hypot(across, along), 1e-6)
-    return distance - params[4] - params[5] * z, across, along, distance
+@compiled
+def _settle(
+    local: Float, params: Float, sink: float, covariance: Float, kept: NDArray[np.bool_]
+) -> bool:
+    """Fit x0, lean x, y0, lean y, radius, taper in place; False where too few points are kept.
 
-
-def _step(params: Float, x: Float, y: Float, z: Float) -> tuple[Float, Float]:
-    error, across, along, distance = _residual(params, x, y, z)
-    jac = np.stack(
-        [
-            -across / distance,
-            -across / distance * z,
-            -along / distance,
-            -along / distance * z,
-            -np.ones_like(z),
-            -z,
-        ],
-        axis=1,
-    )
-    weight = 1.0 / np.maximum(1.0, np.abs(error) / (1.5 * POINT_SIGMA_M)) / POINT_SIGMA_M**2
-    info = (jac * weight[:, None]).T @ jac
-    # Priors: near vertical, taper of real towers.
-    prior = np.array([0, 1 / 0.05**2, 0, 1 / 0.02**2, 1 / 0.6**2, 1 / 0.006**2])
-    pull = prior * (np.array([0, 0, 0, 0, params[4], 0.01]) - params)
-    system = info + np.diag(prior + 1e-9)
-    step = np.linalg.solve(system, -(jac * weight[:, None]).T @ error + pull)
-    return params + np.clip(step, -0.5, 0.5), np.asarray(np.linalg.inv(system), np.float64)
+    ``local``: (N, 3) right, back, down of the hub; ``sink``: how far the shaft falls a metre
+    towards the tower. Robust Gauss-Newton with a gate that narrows.
+    """
+    row = np.zeros(6)
+    for iteration in range(ITERATIONS):
+        gate = (
+            np.inf if iteration == 0 else 0.5 if iteration < 5 else 0.2 if iteration < 8 else 0.12
+        )
+        system, pull, count = np.zeros((6, 6)), np.zeros(6), 0
+        for n in range(len(local)):
+            x, y, z = local[n, 0], local[n, 1], local[n, 2]
+            across, along = x - params[0] - params[1] * z, y - params[2] - params[3] * z
+            distance = max(math.sqrt(across * across + along * along), 1e-6)
+            error = distance - params[4] - params[5] * z
+            kept[n] = abs(error) < gate
+            if not kept[n]:
+                continue
+            count += 1
+            weight = 1.0 / max(1.0, abs(error) / (1.5 * POINT_SIGMA_M)) / POINT_SIGMA_M**2
+            row[0], row[2], row[4], row[5] = -across / distance, -along / distance, -1.0, -z
+            row[1], row[3] = row[0] * z, row[2] * z
+            for a in range(6):
+                pull[a] -= weight * row[a] * error
+                for b in range(6):
+                    system[a, b] += weight * row[a] * row[b]
+        if count < MIN_POINTS:
+            return False
+        for a in range(6):
+            system[a, a] += PRIOR_INFO[a]
+            pull[a] += PRIOR_INFO[a] * (PRIOR_MEAN[a] - params[a])
+        # The axis meets the shaft.
+        under = params[2] * sink
+        off = params[0] + params[1] * under
+        row[:] = 0.0
+        row[0], row[1] = 1.0, under
+        for a in range(2):
+            pull[a] -= row[a] * off / SHAFT_SIGMA_M**2
+            for b in range(2):
+                system[a, b] += row[a] * row[b] / SHAFT_SIGMA_M**2
+        step = np.linalg.solve(system, pull)
+        for a in range(6):
+            params[a] += min(max(step[a], -0.5), 0.5)
+        covariance[:] = np.linalg.inv(system)
+    return True
