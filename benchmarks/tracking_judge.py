@@ -138,7 +138,7 @@ def _sides(
                 whole=float(seen.mean()),
                 reachable=float(seen[can].mean()) if can.any() else 1.0,
                 reachable_share=float(can.mean()),
-                own=0.0 if own is None else own.photographed_m / own.length_m,
+                own=0.0 if own is None or own.coverage is None else own.coverage,
                 planned=0.0 if own is None else own.planned_m / own.length_m,
                 fine=float((gsd_mm[seen] <= 1.0).mean()) if seen.any() else math.nan,
             )

@@ -28,6 +28,7 @@ from mission.flight.observation import Observation, Request, RotorEstimate, Vec3
 from mission.flight.plan import Plan
 from mission.flight.rotor_model import RotorModel
 from mission.flight.trajectory import Follower, Path
+from perception.geometry import rotation_from_quaternion
 from perception.values import Float
 
 #: Kept outside the closed sphere, for the vehicle's own wander.
@@ -245,15 +246,12 @@ class Flight:
 
     def aim_at(self, place_w: Float) -> GimbalAim:
         """Return the gimbal angles that point the camera at a place."""
-        x, y, z = self.settings.camera.offset_m
-        yaw = self.vehicle.yaw_rad
-        cosine, sine = math.cos(yaw), math.sin(yaw)
-        position = self.vehicle.position_w
-        dx = float(place_w[0]) - position[0] - (cosine * x - sine * y)
-        dy = float(place_w[1]) - position[1] - (sine * x + cosine * y)
-        dz = float(place_w[2]) - position[2] - z
+        # The airframe leans into the wind, and the camera's arm with it.
+        body = rotation_from_quaternion(self.vehicle.quaternion_wb)
+        eye = self.here_w + body @ np.array(self.settings.camera.offset_m)
+        dx, dy, dz = (float(d) for d in place_w - eye)
         flat = math.hypot(dx, dy)
-        yaw = math.atan2(dy, dx) if flat > 0.5 else yaw
+        yaw = math.atan2(dy, dx) if flat > 0.5 else self.vehicle.yaw_rad
         pitch = math.degrees(math.atan2(dz, flat))
         gimbal = self.settings.gimbal
         pitch = min(max(pitch, gimbal.min_pitch_deg), gimbal.max_pitch_deg)

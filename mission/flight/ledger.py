@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
+import numpy as np
+
+from config.settings import Settings
 from mission.flight.passes import Leg, SidePass
 from mission.flight.report import PassReport, Spread, covered_stretches
+from mission.flight.skin import Look, Mask, Skin
 
 
 class PhotoStatus(Enum):
@@ -17,6 +22,14 @@ class PhotoStatus(Enum):
     TAKEN = "taken"
     FAILED = "failed"
     REJECTED = "rejected"
+    BLURRED = "blurred"
+    """It exists, but the vehicle moved too fast while it was taken: it counts for nothing."""
+
+
+#: What a photo is for good, whatever is heard of it later.
+LASTING = frozenset({PhotoStatus.REJECTED, PhotoStatus.BLURRED})
+#: A photo is taken again where so much of the skin that it should show was shown by none.
+THIN_SHARE = 0.04
 
 
 @dataclass(slots=True)
@@ -31,6 +44,10 @@ class Photo:
     """Metre that the optical axis met."""
     asked_s: float
     status: PhotoStatus = PhotoStatus.ASKED
+    look: Look | None = None
+    """Where it was really taken from, once the shutter was open."""
+    shows: Mapping[str, Mask] = field(default_factory=dict)
+    """By side of the blade: which facets of its skin it shows."""
 
 
 @dataclass(slots=True)
@@ -43,8 +60,8 @@ class SideBook:
     clearance_min_m: float = math.inf
     skipped: bool = False
 
-    def report(self) -> PassReport:
-        """Return the side's line of the mission report."""
+    def report(self, coverage: float | None) -> PassReport:
+        """Return the side's line of the mission report; ``coverage``: share of its skin."""
         side, least = self.planned, self.clearance_min_m
         taken = [p for p in self.photos if p.status is PhotoStatus.TAKEN]
         return PassReport(
@@ -58,10 +75,11 @@ class SideBook:
             distance_min_m=self.distance.least if self.distance.count else None,
             clearance_min_m=least if math.isfinite(least) else None,
             photos=len(taken),
-            rejected=sum(p.status is PhotoStatus.REJECTED for p in self.photos),
+            rejected=sum(p.status in LASTING for p in self.photos),
             unseen=side.unseen,
             skipped=self.skipped,
             stretches=self.stretches(),
+            coverage=coverage,
         )
 
     def photographed_m(self) -> float:
@@ -85,6 +103,41 @@ class Ledger:
         self.sides: dict[tuple[str, str], SideBook] = {}
         self._photos: dict[int, Photo] = {}
         self._next_id = 1
+        self._skins: Mapping[str, Mapping[str, Skin]] = {}
+
+    def measured(self, skins: Mapping[str, Mapping[str, Skin]]) -> None:
+        """Take the skins of the measured rotor, by blade and side."""
+        self._skins = skins
+
+    def looked(self, photo: Photo, look: Look, settings: Settings) -> None:
+        """Write down from where a photo was taken: it tells which skin it shows."""
+        photo.look = look
+        skins = self._skins.get(photo.leg.blade, {})
+        photo.shows = {side: skin.seen_in(look, settings) for side, skin in skins.items()}
+
+    def covered(self, blade: str, side: str) -> Mask | None:
+        """Return which facets of a side the kept photos of its blade show; None: not known."""
+        skin = self._skins.get(blade, {}).get(side)
+        if skin is None:
+            return None
+        seen: Mask = np.zeros(len(skin.areas_m2), bool)
+        for photo in self._photos.values():
+            mask = photo.shows.get(side)
+            kept = photo.status is PhotoStatus.TAKEN and photo.leg.blade == blade
+            if kept and mask is not None and len(mask) == len(seen):
+                seen |= mask
+        return seen
+
+    def skin_share(self, blade: str, side: str) -> float | None:
+        """Return the share of a side's skin that the kept photos show; None: not known."""
+        seen, skin = self.covered(blade, side), self._skins.get(blade, {}).get(side)
+        return None if seen is None or skin is None else skin.share(seen)
+
+    def reports(self) -> tuple[PassReport, ...]:
+        """Return the lines of the mission report."""
+        return tuple(
+            book.report(self.skin_share(blade, side)) for (blade, side), book in self.sides.items()
+        )
 
     def open_side(self, planned: SidePass) -> None:
         """Begin, or after a new measurement continue, the book of a side."""
@@ -107,9 +160,9 @@ class Ledger:
         return photo
 
     def settle(self, photo_id: int, status: PhotoStatus) -> Photo | None:
-        """Write down what became of a photo; a rejected one stays rejected."""
+        """Write down what became of a photo; a rejected or blurred one stays so."""
         photo = self._photos.get(photo_id)
-        if photo is None or photo.status is PhotoStatus.REJECTED or photo.status is status:
+        if photo is None or photo.status in LASTING or photo.status is status:
             return None
         photo.status = status
         return photo
@@ -138,3 +191,22 @@ class Ledger:
             if photo.leg is leg and photo.status in {PhotoStatus.TAKEN, PhotoStatus.ASKED}
         ]
         return tuple(m for m in leg.photos if all(abs(m - k) > 0.05 for k in kept))
+
+    def thin(self, leg: Leg, settings: Settings) -> tuple[float, ...]:
+        """Return the photo metres of a leg, in its order, at which skin is still to be shown.
+
+        By the skin itself: a photo that was aimed a little aside, or taken a little late, leaves
+        a strip that only another photo shows. Falls back on the photos' count.
+        """
+        skin, seen = self._skins.get(leg.blade, {}).get(leg.side), self.covered(leg.blade, leg.side)
+        if skin is None or seen is None:
+            return self.missing(leg)
+        wanted = []
+        for metre in leg.photos:
+            sight = leg.target(metre) - leg.position(metre)
+            look = Look(leg.position(metre), sight / float(np.linalg.norm(sight)))
+            shows = skin.seen_in(look, settings)
+            whole = float(skin.areas_m2[shows].sum())
+            if float(skin.areas_m2[shows & ~seen].sum()) > THIN_SHARE * max(whole, 1e-6):
+                wanted.append(metre)
+        return tuple(wanted)

@@ -108,7 +108,7 @@ class Machine:
             phases=(*self._times, running),
             rotor=flight.rotor,
             iterations=flight.iterations,
-            passes=tuple(book.report() for book in flight.ledger.sides.values()),
+            passes=flight.ledger.reports(),
             events=tuple(self._events),
         )
 

@@ -8,6 +8,7 @@ and a second, oblique one where that adds enough. What remains is listed by metr
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -73,6 +74,10 @@ class Leg:
         """Return the point (3,) of the blade's axis at a metre."""
         return self.root_w + metre * self.axis_w
 
+    def target(self, metre: float) -> Float:
+        """Return the point (3,) that the camera is aimed at."""
+        return self.foot(metre)
+
     def position(self, metre: float) -> Float:
         """Return where the vehicle is (3,) when it looks at a metre."""
         return self.foot(metre) + self.distance_at(metre) * self.view_w
@@ -103,9 +108,8 @@ class Leg:
     @cached_property
     def spacing_m(self) -> float:
         """Metres between two photos."""
-        if len(self.photos) < 2:
-            return self.footprint_m
-        return abs(self.photos[1] - self.photos[0])
+        apart = [abs(b - a) for a, b in itertools.pairwise(self.photos)]
+        return min([self.footprint_m, *apart])
 
 
 @dataclass(frozen=True, slots=True)

@@ -41,6 +41,9 @@ class PassReport:
     skipped: bool = False
     stretches: tuple[tuple[float, float], ...] = ()
     """Where those metres lie: (from, to), rising and apart; together `photographed_m`."""
+    coverage: float | None = None
+    """Share of the side's skin that the kept photos show (design, Definitions), by the fitted
+    geometry and the camera's reported poses; None where the blade's pitch is not known."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,7 @@ from mission.flight.phases.leave import leave
 from mission.flight.phases.track import Track
 from mission.flight.plan import Plan, plan_steps
 from mission.flight.rotor_model import MeasuredBlade, rotor_model
+from mission.flight.skin import blade_skin
 from perception.geometry import stop_angle_difference_deg
 from perception.rotor import RefusalCode
 
@@ -164,6 +165,8 @@ class Estimate:
         if found is None:
             return intent
         flight.plan, flight.leg_index = found, 0
+        frames = found.model.frames
+        flight.ledger.measured({frame.name: blade_skin(frame, flight.turbine) for frame in frames})
         for side_pass in found.passes:
             flight.ledger.open_side(side_pass)
             for gap in side_pass.unseen:

@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from mission.flight.command import GimbalAim, PhotoCommand
 from mission.flight.flight import Flight
+from mission.flight.footprint import SKIN_NEARER_M
 from mission.flight.ledger import Photo, PhotoStatus
+from mission.flight.motion import Motion, sight_w
 from mission.flight.passes import Leg
+from mission.flight.skin import Look
+from perception.geometry import rotation_from_quaternion
 from perception.values import Float
 
 #: A photo is due this much before its metre: half of what is flown in a tick, and a little.
@@ -16,29 +22,55 @@ DUE_M = 0.12
 STAND_M = 0.4
 AIM_WAIT_S = 3.0
 CONFIRM_S = 4.0
+#: A photo is asked for while the blur is below this share of what is allowed.
+CALM_SHARE = 0.9
+#: While a gust lasts, or the vehicle is still too fast, it waits and slows at most so long.
+CALM_WAIT_S = 3.0
+SLOW = 0.3
+#: From the order to the shutter, over the link.
+LAG_S = 0.07
+#: The shutter opens within this time of the order; where the camera then was is what it shows.
+OPENS_AFTER_S, OPENS_BEFORE_S = 0.03, 0.12
+#: A photo is taken again at once at most so often; then it is a gap.
+AT_ONCE = 2
 
 
 class Shooter:
     """Decides the photos of one leg."""
 
-    def __init__(self, leg: Leg, photos: tuple[float, ...]) -> None:
+    def __init__(self, leg: Leg, photos: tuple[float, ...], motion: Motion) -> None:
         self._leg = leg
+        self._motion = motion
         self._left = list(photos)
         self._sign = 1.0 if len(photos) < 2 or photos[-1] >= photos[0] else -1.0
         self._waiting_s: float | None = None
         self._taken_s = -math.inf
         self._asked: list[Photo] = []
-        self._again: set[float] = set()
+        self._again: dict[float, int] = {}
 
     @property
     def left(self) -> tuple[float, ...]:
         """Metres of the photos that are still to be taken."""
         return tuple(self._left)
 
+    def done(self, now_s: float) -> bool:
+        """Return whether no photo is left, and of the last one the shutter has closed."""
+        return not self._left and now_s - self._taken_s > OPENS_BEFORE_S + 0.05
+
     def step(
-        self, flight: Flight, metre: float, distance_m: float, aim: GimbalAim, foot_w: Float
+        self,
+        flight: Flight,
+        metre: float,
+        distance_m: float,
+        aim: GimbalAim,
+        foot_w: Float,
+        shift_w: Float,
     ) -> tuple[PhotoCommand | None, float]:
-        """Return a photo to take now, if any, and by how much to slow the flight."""
+        """Return a photo to take now, if any, and by how much to slow the flight.
+
+        ``foot_w``: (3,) what the camera is aimed at; ``shift_w``: (3,) of the plan, as registered.
+        """
+        self._look(flight, distance_m, shift_w)
         self._settle(flight, metre)
         if not self._left:
             return None, 1.0
@@ -48,25 +80,14 @@ class Shooter:
         now = flight.now_s
         if self._waiting_s is None:
             self._waiting_s = now
-        waited = now - self._waiting_s
-        slow = 0.3 if past < STAND_M else 0.0
+        slow = SLOW if past < STAND_M else 0.0
         if now - self._taken_s < flight.settings.camera.min_interval_s:
             return None, slow
-        marks = []
-        if not _aimed(flight, aim):
-            if waited < AIM_WAIT_S:
-                return None, slow
-            marks.append("aim")
-        exposure = flight.observation.exposure
-        fresh = exposure is not None and now - exposure.stamp_s < 1.0
-        if exposure is None or not fresh or not exposure.in_range:
-            if waited < flight.settings.exposure.max_wait_s:
-                return None, slow
-            marks.append("exposure")
-        track = flight.observation.blade
-        if track is None or track.from_model:
-            marks.append("from_model")
+        marks = self._doubts(flight, distance_m, aim, now - self._waiting_s)
+        if marks is None:
+            return None, slow
         target = self._left.pop(0)
+        metre += LAG_S * float(np.array(flight.vehicle.velocity_w) @ self._leg.axis_w)
         photo = flight.ledger.ask(self._leg, target, metre, now)
         self._asked.append(photo)
         self._taken_s, self._waiting_s = now, None
@@ -79,22 +100,73 @@ class Shooter:
                 distance_m=distance_m,
                 foot_w=(float(foot_w[0]), float(foot_w[1]), float(foot_w[2])),
                 repeated=target in self._again or self._leg.again,
-                marks=tuple(marks),
+                marks=marks,
             ),
             1.0,
         )
 
+    def _doubts(
+        self, flight: Flight, distance_m: float, aim: GimbalAim, waited_s: float
+    ) -> tuple[str, ...] | None:
+        """Return why a photo taken now may be doubtful; None: wait for a better moment."""
+        settings, observation = flight.settings, flight.observation
+        marks = []
+        if not _aimed(flight, aim):
+            if waited_s < AIM_WAIT_S:
+                return None
+            marks.append("aim")
+        most_px = settings.camera.max_blur_px
+        blur_px = self._motion.blur_px(observation, distance_m - SKIN_NEARER_M)
+        if blur_px > CALM_SHARE * most_px:
+            if waited_s < CALM_WAIT_S:
+                return None
+            if blur_px > most_px:
+                marks.append("blur")
+        exposure = observation.exposure
+        fresh = exposure is not None and flight.now_s - exposure.stamp_s < 1.0
+        if exposure is None or not fresh or not exposure.in_range:
+            if waited_s < settings.exposure.max_wait_s:
+                return None
+            marks.append("exposure")
+        track = observation.blade
+        if track is None or track.from_model:
+            marks.append("from_model")
+        return tuple(marks)
+
+    def _look(self, flight: Flight, distance_m: float, shift_w: Float) -> None:
+        """Note of the photo under way from where it is taken, and how the camera moves."""
+        if not self._asked:
+            return
+        photo, gimbal = self._asked[-1], flight.observation.gimbal
+        since = flight.now_s - photo.asked_s
+        if gimbal is None or not OPENS_AFTER_S <= since <= OPENS_BEFORE_S:
+            return
+        vehicle = flight.vehicle
+        body = rotation_from_quaternion(np.array(vehicle.quaternion_wb))
+        eye = np.array(vehicle.position_w) + body @ np.array(flight.settings.camera.offset_m)
+        blur_px = self._motion.blur_px(flight.observation, distance_m - SKIN_NEARER_M)
+        before = photo.look
+        if before is not None:
+            blur_px = max(blur_px, before.blur_px)
+        look = Look(eye - shift_w, sight_w(gimbal), blur_px)
+        flight.ledger.looked(photo, look, flight.settings)
+
     def _settle(self, flight: Flight, metre: float) -> None:
         """A photo that failed is taken again at once while its metre is near; else it is a gap."""
+        most_px = flight.settings.camera.max_blur_px
         for photo in list(self._asked):
-            if photo.status is PhotoStatus.ASKED and flight.now_s - photo.asked_s > CONFIRM_S:
+            since = flight.now_s - photo.asked_s
+            if photo.status is PhotoStatus.ASKED and since > CONFIRM_S:
                 flight.ledger.settle(photo.photo_id, PhotoStatus.FAILED)
+            if since > OPENS_BEFORE_S and photo.look is not None and photo.look.blur_px > most_px:
+                flight.ledger.settle(photo.photo_id, PhotoStatus.BLURRED)
             if photo.status is PhotoStatus.ASKED:
                 continue
             self._asked.remove(photo)
             near = abs(metre - photo.target_m) < 0.6 * self._leg.spacing_m
-            if photo.status is not PhotoStatus.TAKEN and near and photo.target_m not in self._again:
-                self._again.add(photo.target_m)
+            tried = self._again.get(photo.target_m, 0)
+            if photo.status is not PhotoStatus.TAKEN and near and tried < AT_ONCE:
+                self._again[photo.target_m] = tried + 1
                 self._left.insert(0, photo.target_m)
 
 

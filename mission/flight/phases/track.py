@@ -16,6 +16,7 @@ from mission.flight.command import Phase
 from mission.flight.events import Event
 from mission.flight.flight import Flight, Intent
 from mission.flight.footprint import tracking_speed_mps
+from mission.flight.motion import Motion, shutter_s
 from mission.flight.passes import Leg
 from mission.flight.phases.home import Home
 from mission.flight.phases.leave import StandOff
@@ -46,6 +47,7 @@ class Track:
         self._speed = 1.0
         self._got_to_w: Float | None = None
         self._got_s = 0.0
+        self._motion: Motion | None = None
 
     def resume(self, _flight: Flight) -> None:
         """Find the way back to where the leg was left."""
@@ -69,7 +71,9 @@ class Track:
             self._begin(flight, leg)
         if self._leg is None or self._shooter is None:
             return Intent("between two legs", setpoint=flight.hold())
-        if not self._shooter.left:
+        if self._motion is not None:
+            self._motion.take(flight.observation)
+        if self._shooter.done(flight.now_s):
             self._finish_leg(flight)
             return Intent("leg flown", setpoint=flight.hold())
         if self._stuck(flight):
@@ -98,9 +102,10 @@ class Track:
             flight.leg_index += 1
         if self._gaps is None:
             self._gaps = [
-                leg.with_photos(missing, again=True)
+                leg.with_photos(thin, again=True)
                 for leg in legs
-                if not flight.ledger.side(leg).skipped and (missing := flight.ledger.missing(leg))
+                if not flight.ledger.side(leg).skipped
+                and (thin := flight.ledger.thin(leg, flight.settings))
             ]
             if self._gaps:
                 flight.note("gaps", f"{sum(len(g.photos) for g in self._gaps)} photos again")
@@ -108,7 +113,8 @@ class Track:
 
     def _begin(self, flight: Flight, leg: Leg) -> None:
         photos = leg.photos if leg.again else flight.ledger.missing(leg)
-        self._leg, self._shooter = leg, Shooter(leg, photos)
+        self._motion = Motion(flight.settings)
+        self._leg, self._shooter = leg, Shooter(leg, photos, self._motion)
         self._running = self._moving = False
         self._registration.begin(leg.blade)
         tip = leg.root_w + leg.length_m * leg.axis_w
@@ -129,7 +135,7 @@ class Track:
     def _transit(self, flight: Flight, leg: Leg, shooter: Shooter) -> Intent:
         shift = self._registration.shift_w
         start = leg.position(shooter.left[0]) + shift
-        yaw, gimbal = _yaw(flight, leg), flight.aim_at(leg.foot(shooter.left[0]) + shift)
+        yaw, gimbal = _yaw(flight, leg), flight.aim_at(leg.target(shooter.left[0]) + shift)
         words = f"flying to blade {leg.blade} {leg.side}"
         if not self._moving:
             way = self._way(flight, start)
@@ -155,17 +161,16 @@ class Track:
         shift = self._registration.update(flight, leg)
         here = flight.here_w
         metre = leg.metre_of(here - shift)
-        if not self._moving:
+        if not self._moving and shooter.left:
             self._moving = True
-            camera = flight.observation.camera
-            shutter = None if camera is None else camera.shutter_s
+            shutter = shutter_s(flight.observation.camera, flight.settings)
             distance = leg.distance_at(shooter.left[0])
             self._speed = tracking_speed_mps(distance, leg.spacing_m, shutter, flight.settings)
             flight.go(_line(leg, metre, shooter.left), self._speed)
-        foot = leg.foot(min(max(metre, 0.0), leg.length_m)) + shift
+        foot = leg.target(min(max(metre, 0.0), leg.length_m)) + shift
         aim = flight.aim_at(foot)
         distance = self._distance(flight, leg, metre, here, shift)
-        photo, slow = shooter.step(flight, metre, distance, aim, foot)
+        photo, slow = shooter.step(flight, metre, distance, aim, foot, shift)
         setpoint = flight.follow(_yaw(flight, leg), slow, shift)
         if shooter.left and flight.follower.left_m < 0.05:
             flight.go(_line(leg, metre, shooter.left), self._speed)
