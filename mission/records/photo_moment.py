@@ -228,7 +228,8 @@ class PhotoHistory:
         if len(self._tips) < _TIPS:
             return None
         low, middle, high = np.quantile(self._tips, (0.1, 0.5, 0.9))
-        return float(middle) if high - low < 2 * _TIP_SPREAD_M else None
+        spread = math.hypot(_TIP_SPREAD_M, self._positioning.noise_sigma_m)
+        return float(middle) if high - low < 2 * spread else None
 
     def _blade(self, taken: PhotoTakenMessage) -> BladeThen | None:
         task = self._tasks.get((taken.command.blade, taken.command.side))
