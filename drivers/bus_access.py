@@ -13,6 +13,8 @@ from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
 
+import tomli_w
+
 ROLES_FILE = "roles.toml"
 CA_FILE, CERTIFICATE_FILE, KEY_FILE = "ca.pem", "cert.pem", "key.pem"
 #: Who asks over loopback, where there are no certificates.
@@ -85,13 +87,24 @@ def read_roles(keys: Path) -> dict[str, Role]:
         raise BadRoles(f"{path}: {error}") from error
     roles: dict[str, Role] = {}
     for name, role in table.items():
-        if NAME.fullmatch(name) is None or name == LOCAL:
-            raise BadRoles(f"{path}: {name!r} is not a name: letters, digits, '_' and '-'")
+        check_name(name)
         if role not in set(Role):
             known = ", ".join(Role)
             raise BadRoles(f"{path}: {name} = {role!r}: a role is one of {known}")
         roles[name] = Role(role)
     return roles
+
+
+def check_name(name: str) -> None:
+    """Raise `BadRoles` where a name could not stand in a key of the bus."""
+    if NAME.fullmatch(name) is None or name == LOCAL:
+        raise BadRoles(f"{name!r} is not a name: 1 to 32 letters, digits, '_' and '-'")
+
+
+def write_roles(path: Path, roles: Mapping[str, Role]) -> None:
+    """Write the file that `read_roles` reads."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(tomli_w.dumps({"roles": {name: str(role) for name, role in roles.items()}}))
 
 
 def access_control(roles: Mapping[str, Role]) -> dict[str, object]:

@@ -16,9 +16,11 @@ from mission.cli import (
     bench_command,
     config_command,
     estimate_command,
+    keys_command,
     remote_commands,
     report_commands,
     serve_command,
+    watch_command,
 )
 from mission.cli import simulate_command as simulation
 from mission.cli.exits import Exit
@@ -34,6 +36,8 @@ app = typer.Typer(
 app.command("simulate")(simulation.simulate_command)
 app.command("serve")(serve_command.serve)
 remote_commands.mount(app)
+app.command("watch")(watch_command.watch)
+app.command("keys")(keys_command.keys)
 report_commands.mount(app)
 estimate_command.mount(app)
 app.add_typer(config_command.app, name="config", help="Show and check the configuration.")

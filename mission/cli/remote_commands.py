@@ -1,40 +1,60 @@
-"""`bladescout start | status | pause | resume | skip | stop | abort | watch`."""
+"""`bladescout start | status | pause | resume | skip | stop | abort | turbines`."""
 
 from __future__ import annotations
 
 import re
 import sys
 import time
+import uuid
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mission.cli.exits import Exit, end, exit_of
+from mission.cli.exits import Exit, end
 
 if TYPE_CHECKING:
     from mission.remote.client import Client
-    from mission.remote.messages import Reply, StateMessage
+    from mission.remote.messages import Reply
 
 DEFAULT_ROUTER = "tcp/127.0.0.1:7447"
-#: A daemon tells its state five times a second; after this long it is taken for gone.
-SILENCE_S = 10.0
 
-Vehicle = Annotated[str, typer.Option(help="Name of the vehicle.")]
-Router = Annotated[str, typer.Option(help="End point of the daemon's bus.")]
+Vehicle = Annotated[
+    str, typer.Option(help="Name of the vehicle.", envvar="BLADESCOUT_VEHICLE", show_envvar=True)
+]
+Router = Annotated[
+    str,
+    typer.Option(
+        help="Where the daemon is reached: tcp/... on this computer, tls/... elsewhere.",
+        envvar="BLADESCOUT_BUS__CONNECT",
+        show_envvar=True,
+    ),
+]
+Keys = Annotated[
+    str,
+    typer.Option(
+        help="Folder of your certificate, for tls.", envvar="BLADESCOUT_BUS__KEYS", show_envvar=True
+    ),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the reply as JSON.")]
 
 
-def _connect(vehicle: str, router: str) -> Client:
-    from config.links import Bus as BusSettings
+def connect(vehicle: str, router: str, keys: str) -> Client:
+    """Return a client, or end with one sentence."""
     from drivers.bus import BusUnreachable
-    from mission.remote.client import Client
+    from drivers.bus_session import BusNotSafe
+    from drivers.certificates import BadCertificate
+    from mission.remote.client import NO_REPLY, Client
 
     if re.fullmatch(r"[A-Za-z0-9_-]{1,32}", vehicle) is None:
         end(Exit.CONFIGURATION, f"--vehicle {vehicle!r}: up to 32 letters, digits, '_' and '-'")
     try:
-        return Client(vehicle, BusSettings(listen=router))
+        return Client(vehicle, router=router, keys=keys)
+    except (BusNotSafe, BadCertificate) as error:
+        end(Exit.CONFIGURATION, str(error))
     except BusUnreachable:
+        if router.startswith("tls/"):
+            end(Exit.DEVICE, f"{router}: {NO_REPLY}")
         end(Exit.DEVICE, f"no daemon answers at {router}: is it running (bladescout serve)?")
 
 
@@ -63,14 +83,53 @@ def start(
             prompt="Is the rotor braked and locked, and the yaw drive off?",
         ),
     ],
+    blades: Annotated[
+        str, typer.Option(help="Blades to fly, as A,C; or with serials, as A=LM-1,B=LM-2,C=LM-3.")
+    ] = "",
+    sides: Annotated[str, typer.Option(help="Sides to fly, as PS,SS,LE,TE.")] = "",
+    nacelle_yaw: Annotated[
+        float | None, typer.Option(help="Compass direction into which the rotor faces, degrees.")
+    ] = None,
+    blade_pitch: Annotated[
+        float | None, typer.Option(help="0 = operating, 90 = feathered, degrees.")
+    ] = None,
+    launch: Annotated[
+        str, typer.Option(help="Take-off point from the tower's base: EAST,NORTH[,UP] in metres.")
+    ] = "",
+    request_id: Annotated[
+        str, typer.Option(help="The same id never starts a second mission.")
+    ] = "",
+    valid: Annotated[
+        float | None, typer.Option(help="Start nothing if it arrives later than these seconds.")
+    ] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only check.")] = False,
     vehicle: Vehicle = "drone-1",
     router: Router = DEFAULT_ROUTER,
+    keys: Keys = "",
     as_json: AsJson = False,
 ) -> None:
     """Start a mission at a turbine."""
-    with _connect(vehicle, router) as client:
+    from mission.cli.typed import blades_typed, numbers_typed
+    from mission.remote.messages import StartRequest
+
+    chosen, serials = blades_typed(blades)
+    request = {
+        "id": request_id or uuid.uuid4().hex,
+        "site": turbine,
+        "operator": operator,
+        "rotor_locked": rotor_locked,
+        "blades": chosen,
+        "sides": tuple(sides.split(",")) if sides else None,
+        "blade_serials": serials,
+        "nacelle_yaw_deg": nacelle_yaw,
+        "blade_pitch_deg": blade_pitch,
+        "launch_enu_m": numbers_typed("--launch", launch, 3),
+        "expires_utc_s": None if valid is None else time.time() + valid,
+        "dry_run": dry_run,
+    }
+    with connect(vehicle, router, keys) as client:
         _answered(
-            lambda: client.start(turbine, operator=operator, rotor_locked=rotor_locked),
+            lambda: client.send_start(StartRequest.model_validate(request)),
             lambda reply: _show(reply, as_json),
         )
 
@@ -93,17 +152,47 @@ def _answered(ask: Callable[[], Reply], show: Callable[[Reply], None]) -> None:
 
 def _plain(name: str, words: str) -> Callable[..., None]:
     def command(
-        vehicle: Vehicle = "drone-1", router: Router = DEFAULT_ROUTER, as_json: AsJson = False
+        vehicle: Vehicle = "drone-1",
+        router: Router = DEFAULT_ROUTER,
+        keys: Keys = "",
+        as_json: AsJson = False,
     ) -> None:
-        with _connect(vehicle, router) as client:
+        with connect(vehicle, router, keys) as client:
             _answered(getattr(client, name), lambda reply: _show(reply, as_json))
 
     command.__doc__ = words
     return command
 
 
+def turbines(
+    vehicle: Vehicle = "drone-1",
+    router: Router = DEFAULT_ROUTER,
+    keys: Keys = "",
+    as_json: AsJson = False,
+) -> None:
+    """List the turbines that a mission may be started for."""
+
+    def show(reply: Reply) -> None:
+        if as_json or not reply.ok:
+            _show(reply, as_json)
+            return
+        for one in reply.turbines:
+            east, north, _ = one.tower_enu_m
+            typer.echo(
+                f"{one.name}: {one.turbine}, hub {one.hub_height_m:.0f} m, rotor "
+                f"{one.rotor_diameter_m:.0f} m, tower {east:.0f} m east and {north:.0f} m north "
+                "of take-off"
+            )
+
+    with connect(vehicle, router, keys) as client:
+        _answered(client.turbines_reply, show)
+
+
 def status(
-    vehicle: Vehicle = "drone-1", router: Router = DEFAULT_ROUTER, as_json: AsJson = False
+    vehicle: Vehicle = "drone-1",
+    router: Router = DEFAULT_ROUTER,
+    keys: Keys = "",
+    as_json: AsJson = False,
 ) -> None:
     """Show how the mission stands."""
 
@@ -117,44 +206,15 @@ def status(
 
         Console().print(status_table(reply.state))
 
-    with _connect(vehicle, router) as client:
+    with connect(vehicle, router, keys) as client:
         _answered(client.status, show)
-
-
-def watch(vehicle: Vehicle = "drone-1", router: Router = DEFAULT_ROUTER) -> None:
-    """Show the mission live until it ends."""
-    from rich.console import Console
-
-    from mission.cli.progress import LiveProgress
-    from mission.processes.simulation import TERMINAL
-
-    ended: list[StateMessage] = []
-    heard = [time.monotonic()]
-    with (
-        _connect(vehicle, router) as client,
-        LiveProgress(Console(), f"bladescout - {vehicle}") as progress,
-    ):
-
-        def on_state(state: StateMessage) -> None:
-            heard[0] = time.monotonic()
-            progress.on_state(state)
-            if state.progress.state in TERMINAL:
-                ended.append(state)
-
-        client.watch(on_state, progress.on_event)
-        while not ended and time.monotonic() - heard[0] < SILENCE_S:
-            time.sleep(0.1)
-    if not ended:
-        end(Exit.DEVICE, f"nothing was heard from {vehicle} for {SILENCE_S:.0f} s")
-    last = ended[0].progress
-    typer.echo(f"{last.state}: {last.words}")
-    raise typer.Exit(int(exit_of(last.state)))
 
 
 def mount(app: typer.Typer) -> None:
     """Add the remote commands to the command line."""
     app.command()(start)
     app.command()(status)
+    app.command()(turbines)
     for name, words in (
         ("pause", "Hold where the vehicle is."),
         ("resume", "Go on after a pause."),
@@ -163,4 +223,3 @@ def mount(app: typer.Typer) -> None:
         ("abort", "Hold at once, leave the rotor, return."),
     ):
         app.command(name)(_plain(name, words))
-    app.command()(watch)

@@ -33,6 +33,8 @@ def serve(
     from config.settings import Settings
     from config.sources import ConfigError, load_settings
     from drivers.bus import BusUnreachable
+    from drivers.bus_access import BadRoles
+    from drivers.bus_session import BusNotSafe
     from mission.processes.runtime import SETTINGS_FILE, configure_logging
 
     configure_logging("serve")
@@ -47,6 +49,8 @@ def serve(
         run_dir = Path(tempfile.mkdtemp(prefix="bladescout-serve-"))
     try:
         asyncio.run(_serve(settings, run_dir, leave_with_parent=runtime is not None))
+    except (BusNotSafe, BadRoles) as error:
+        end(Exit.CONFIGURATION, str(error))
     except BusUnreachable:
         end(
             Exit.DEVICE,

@@ -38,6 +38,18 @@ class MissionState(StrEnum):
     RELEASED = "released"
 
 
+#: A mission in one of these states is over.
+TERMINAL = frozenset(
+    {
+        MissionState.COMPLETED,
+        MissionState.ENDED_SAFELY,
+        MissionState.REFUSED,
+        MissionState.FAILED,
+        MissionState.RELEASED,
+    }
+)
+
+
 class Action(StrEnum):
     """A mode or arming command to the autopilot, acknowledged and retried by the shell."""
 

@@ -21,6 +21,7 @@ from drivers.bus import Bus, Key, Sample
 from drivers.clock import sleep_until
 from drivers.payload import Payload, PhotoTaken
 from mission.flight.command import (
+    TERMINAL,
     Action,
     Command,
     MissionState,
@@ -59,15 +60,6 @@ MAX_LATE_S = 0.1
 #: Silent for so long (the autopilot may have left offboard): the mode is read before anything.
 STALL_S = 0.4
 RECONNECT_S = 2.0
-TERMINAL = frozenset(
-    {
-        MissionState.COMPLETED,
-        MissionState.ENDED_SAFELY,
-        MissionState.REFUSED,
-        MissionState.FAILED,
-        MissionState.RELEASED,
-    }
-)
 IDLE_PROGRESS = Progress(Phase.IDLE, MissionState.IDLE, "ready")
 
 

@@ -131,6 +131,10 @@ class Client:
             expires_utc_s=None if valid_s is None else time.time() + valid_s,
             dry_run=dry_run,
         )
+        return self.send_start(request)
+
+    def send_start(self, request: StartRequest) -> Reply:
+        """Send a request to start a mission, as it is. Raises `NoReply`."""
         return self._ask(RequestKind.START, request.model_dump_json())
 
     def status(self) -> Reply:
@@ -139,7 +143,11 @@ class Client:
 
     def turbines(self) -> tuple[TurbineInfo, ...]:
         """Return the turbines that a mission may be started for. Raises `NoReply`."""
-        return self._plain("turbines").turbines
+        return self.turbines_reply().turbines
+
+    def turbines_reply(self) -> Reply:
+        """Return the whole reply with the turbines. Raises `NoReply`."""
+        return self._plain("turbines")
 
     def history(self) -> Reply:
         """Return what has happened so far: state, events, photos, rotor. Raises `NoReply`."""
