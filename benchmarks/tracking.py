@@ -168,10 +168,13 @@ def _distance_rows(flown: list[Mission]) -> list[Row]:
 
 
 def _photo_rows(flown: list[Mission], photos: list[PhotoFigures]) -> list[Row]:
-    off = np.array([math.inf if p.off_centre is None else abs(p.off_centre) for p in photos])
+    single = [p for p in photos if not p.in_rows]
+    off = np.array([math.inf if p.off_centre is None else abs(p.off_centre) for p in single])
     blur = np.array([p.blur_px for p in photos])
     found = [
-        _row("photos with the blade within 5 % of the middle", _mean(off <= 0.05), 0.95),
+        _row(
+            "photos (not in rows) with the blade within 5 % of the middle", _mean(off <= 0.05), 0.95
+        ),
         Row("photos a turbine, mean", len(photos) / len(flown), "", None),
         _row("photos sharp (<= 0.7 px, true motion)", _mean(blur <= 0.7), None),
         Row("photos rejected a turbine, mean", _mean([float(m.rejected) for m in flown]), "", None),

@@ -25,6 +25,7 @@ from drivers.simulated.stills import StillTruth, motion_blur_px
 from mission.flight.ledger import PhotoStatus
 from perception.values import CameraPose, Float
 
+ASIDE_M = 0.1
 #: Half of the blade's length about the optical axis that its middle is taken from.
 _ABOUT_M = 0.6
 
@@ -46,6 +47,8 @@ class PhotoFigures:
     """The part of the vehicle's own motion."""
     distance_m: float
     again: bool
+    in_rows: bool
+    """Aimed beside the blade's middle on purpose: the blade is wider than the picture."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +83,14 @@ def judge(trial: Trial, flown: Flown, caster: Raycaster) -> Judged:
     outlines = {name: _Outline(caster, trial, name) for name in blades}
     truths = [_truth_of(trial, still, caster) for still in flown.stills]
     photos = tuple(
-        _photo(trial, still, truth, blades[still.command.blade], outlines[still.command.blade])
+        _photo(
+            trial,
+            still,
+            truth,
+            blades[still.command.blade],
+            outlines[still.command.blade],
+            _in_rows(flown, still),
+        )  # fmt: skip
         for still, truth in zip(flown.stills, truths, strict=True)
     )
     return Judged(photos, tuple(_sides(trial, flown, caster, truths)))
@@ -193,7 +203,12 @@ class _Outline:
 
 
 def _photo(
-    trial: Trial, still: Still, truth: StillTruth, blade: TrueBlade, outline: _Outline
+    trial: Trial,
+    still: Still,
+    truth: StillTruth,
+    blade: TrueBlade,
+    outline: _Outline,
+    in_rows: bool,
 ) -> PhotoFigures:
     camera = trial.settings.camera
     sight = still.rotation_wc[:, 2]
@@ -215,6 +230,17 @@ def _photo(
         blur_speed_px=truth.blur_full_px - turning,
         distance_m=float(np.linalg.norm(point - still.eye_w)),
         again=still.command.repeated,
+        in_rows=in_rows,
+    )
+
+
+def _in_rows(flown: Flown, still: Still) -> bool:
+    plan, command = flown.machine.plan, still.command
+    legs = () if plan is None else plan.legs
+    return any(
+        float(np.linalg.norm(leg.aside(command.metre))) > ASIDE_M
+        for leg in legs
+        if (leg.blade, leg.side) == (command.blade, command.side)
     )
 
 

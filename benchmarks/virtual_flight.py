@@ -37,6 +37,7 @@ from mission.flight.observation import (
     Vec3,
     Vehicle,
 )
+from mission.flight.passes import Section
 from mission.flight.rotor_model import MeasuredBlade, RotorModel, rotor_model
 from mission.flight.sides import BladeFrame
 from perception.geometry import wrap_angle
@@ -376,7 +377,12 @@ class VirtualFlight:
 
     def _follow(self, frame: BladeFrame) -> None:
         along = float((self.position - frame.root_w) @ frame.axis_w)
-        foot = frame.root_w + min(max(along, 0.0), frame.length_m) * frame.axis_w
+        along = min(max(along, 0.0), frame.length_m)
+        foot = frame.root_w + along * frame.axis_w
+        view = self.position - foot
+        view = view / max(float(np.linalg.norm(view)), 1e-6)
+        middle = Section(frame, self.turbine, np.array([along])).centre(view)[0]
+        foot = foot + middle
         self._track = BladeTrack(
             stamp_s=self.now_s,
             blade=frame.name,
@@ -384,7 +390,7 @@ class VirtualFlight:
             direction_w=_vec(frame.axis_w),
             distance_m=float(np.linalg.norm(self.position - foot)),
             points_per_s=500.0,
-            offset_w=_vec(self._rng.normal(0, 0.05, 3)),
+            offset_w=_vec(middle + self._rng.normal(0, 0.05, 3)),
             residual_m=0.05,
         )
 

@@ -42,6 +42,24 @@ def footprint_m(axis_w: Float, view_w: Float, distance_m: float, settings: Setti
     return min(width / max(right, 1e-6), height / max(down, 1e-6))
 
 
+def half_across_m(
+    axis_w: Float, view_w: Float, distance_m: float, spacing_m: float, settings: Settings
+) -> float:
+    """Return how far beside the picture's middle a blade may reach and still be seen whole.
+
+    Across the blade, over the ``spacing_m`` of its length that falls to one photo.
+    """
+    camera = settings.camera
+    rotation = camera_looking_along(-view_w)
+    along = np.array([float(rotation[:, 0] @ axis_w), float(rotation[:, 1] @ axis_w)])
+    along = np.abs(along) / max(float(np.linalg.norm(along)), 1e-6)
+    half = 0.5 * np.array([camera.sensor_width_mm, camera.sensor_height_mm])
+    half = half * distance_m / camera.focal_length_mm
+    left = np.maximum(half - along * spacing_m / 2, 0.0)
+    # Across the blade goes along the picture's other direction.
+    return float(min(left[0] / max(along[1], 1e-6), left[1] / max(along[0], 1e-6)))
+
+
 def photo_metres(from_m: float, to_m: float, footprint: float, overlap: float) -> tuple[float, ...]:
     """Return the metres at which photos are taken so that from..to is covered with overlap."""
     first, last = from_m + 0.45 * footprint, to_m - 0.45 * footprint

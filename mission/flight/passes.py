@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from config.settings import Settings
 from config.turbine import Turbine
-from mission.flight.footprint import footprint_m, photo_metres
+from mission.flight.footprint import footprint_m, half_across_m, photo_metres
 from mission.flight.rotor_model import RotorModel
 from mission.flight.sides import BladeFrame, side_view, turned
 from perception.values import Float
@@ -38,6 +38,8 @@ MIN_STRETCH_M = 2.0
 #: Where the gimbal cannot look along the straight view, the blade is also tried from a place
 #: farther up or down its axis: the view leans along the axis by these angles.
 SLANTS_DEG = (-30, -20, 20, 30)
+#: Left beside the blade where it is photographed in rows.
+ROW_MARGIN_M = 0.25
 #: What a view is worth by its angle off the straight one: skin that faces the side's own view is
 #: then seen at a slant.
 WORTH_ANGLE_DEG = (0.0, 15.0, 30.0, 45.0, 60.0)
@@ -63,6 +65,12 @@ class Leg:
     photos: tuple[float, ...]
     """Metres, in the order flown."""
     length_m: float
+    centre_w: Float
+    """(M, 3) from the undeflected axis to the blade's middle as seen from the view: prebend, and
+    half the chord's excess on one side of the axis."""
+    aside_w: Float
+    """(M, 3) from there to what the camera is aimed at; not 0 where the blade is wider than the
+    picture and is photographed in rows."""
     again: bool = False
     """Flown for gaps of an earlier leg."""
 
@@ -74,13 +82,21 @@ class Leg:
         """Return the point (3,) of the blade's axis at a metre."""
         return self.root_w + metre * self.axis_w
 
+    def centre(self, metre: float) -> Float:
+        """Return the offset (3,) from the undeflected axis to the blade's middle."""
+        return _column(metre, self.grid_m, self.centre_w)
+
+    def aside(self, metre: float) -> Float:
+        """Return how far (3,) beside the blade's middle the camera is aimed."""
+        return _column(metre, self.grid_m, self.aside_w)
+
     def target(self, metre: float) -> Float:
         """Return the point (3,) that the camera is aimed at."""
-        return self.foot(metre)
+        return self.foot(metre) + self.centre(metre) + self.aside(metre)
 
     def position(self, metre: float) -> Float:
         """Return where the vehicle is (3,) when it looks at a metre."""
-        return self.foot(metre) + self.distance_at(metre) * self.view_w
+        return self.foot(metre) + self.centre(metre) + self.distance_at(metre) * self.view_w
 
     def metre_of(self, position_w: Float) -> float:
         """Return the metre that a vehicle at a position (3,) looks at."""
@@ -100,10 +116,7 @@ class Leg:
 
     def with_photos(self, photos: tuple[float, ...], again: bool) -> Leg:
         """Return the same line with other photos."""
-        return Leg(
-            self.blade, self.side, self.root_w, self.axis_w, self.view_w, self.turn_deg,
-            self.grid_m, self.distance_m, self.footprint_m, photos, self.length_m, again,
-        )  # fmt: skip
+        return replace(self, photos=photos, again=again)
 
     @cached_property
     def spacing_m(self) -> float:
@@ -171,9 +184,10 @@ def plan_side(
     straight = side_view(frame, side, turbine)
     turns = [t for t in (0, 15, -15, 30, -30, 45, -45, 60, -60)
              if abs(t) <= settings.tracking.max_view_turn_deg]  # fmt: skip
-    views = _views(frame, straight, turns, (0,), grid, model, settings, ground_m)
+    section = Section(frame, turbine, grid)
+    views = _views(frame, straight, turns, (0,), section, model, settings, ground_m)
     if not any(_in_view(view.view_w, settings) for view in views):
-        views += _views(frame, straight, turns, SLANTS_DEG, grid, model, settings, ground_m)
+        views += _views(frame, straight, turns, SLANTS_DEG, section, model, settings, ground_m)
     best = max(views, key=lambda v: v.worth * int(v.seen.sum()) * _nearness(v))
     chosen = [(best, best.seen)]
     missing = ~best.seen
@@ -184,10 +198,11 @@ def plan_side(
             chosen.append((second, gain))
             missing &= ~gain
     legs = tuple(
-        _leg(frame, side, view, grid[a : b + 1], view.distance_m[a : b + 1], settings)
+        leg
         for view, mask in chosen
         for a, b in _runs(mask)
         if grid[b] - grid[a] >= MIN_STRETCH_M
+        for leg in _legs(frame, side, view, grid, slice(a, b + 1), turbine, settings)
     )
     seen = np.zeros(len(grid), bool)
     for leg in legs:
@@ -208,7 +223,7 @@ def _views(
     straight_w: Float,
     turns: Sequence[int],
     slants: Sequence[int],
-    grid: Float,
+    section: Section,
     model: RotorModel,
     settings: Settings,
     ground_m: float,
@@ -232,9 +247,11 @@ def _views(
         sees = [True] * len(views)
         if not views:
             return []
+    grid = section.grid_m
     feet = frame.root_w + grid[:, None] * frame.axis_w
+    middles = np.stack([feet + section.centre(view_w) for view_w in views])
     offsets = np.stack(views)[:, None, :] * distances[None, :, None]
-    points = (offsets[:, :, None, :] + feet).reshape(-1, 3)
+    points = (offsets[:, :, None, :] + middles[:, None, :, :]).reshape(-1, 3)
     parts = model.part_distances(points) - settings.airframe.radius_m
     # What is not the blade itself is judged as that much nearer.
     others = np.array([each is not frame for each in model.frames] + [True, False, False])
@@ -307,15 +324,84 @@ def _runs(mask: Mask) -> list[tuple[int, int]]:
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _leg(
-    frame: BladeFrame, side: str, view: _View, grid: Float, distance: Float, settings: Settings
-) -> Leg:
+def _legs(
+    frame: BladeFrame,
+    side: str,
+    view: _View,
+    grid: Float,
+    stretch: slice,
+    turbine: Turbine,
+    settings: Settings,
+) -> list[Leg]:
+    """Return the leg of a stretch, and one more where the blade is wider than the picture."""
+    grid, distance = grid[stretch], view.distance_m[stretch]
+    section = Section(frame, turbine, grid)
     footprint = footprint_m(frame.axis_w, view.view_w, float(distance.min()), settings)
-    photos = photo_metres(float(grid[0]), float(grid[-1]), footprint, settings.tracking.overlap)
-    return Leg(
+    overlap = settings.tracking.overlap
+    photos = photo_metres(float(grid[0]), float(grid[-1]), footprint, overlap)
+    across = section.across(view.view_w)
+    spacing = footprint * (1 - overlap)
+    room = np.array(
+        [half_across_m(frame.axis_w, view.view_w, float(d), spacing, settings) for d in distance]
+    )
+    over = np.maximum(section.half_width(view.view_w) + ROW_MARGIN_M - room, 0.0)
+    rows = over > 0.0
+    one = Leg(
         frame.name, side, frame.root_w, frame.axis_w, view.view_w, float(view.turn_deg),
         grid, distance, footprint, photos, frame.length_m,
+        section.centre(view.view_w), over[:, None] * across,
     )  # fmt: skip
+    if not rows.any():
+        return [one]
+    first, last = float(grid[rows][0]), float(grid[rows][-1])
+    other = photo_metres(max(first, float(grid[0])), max(last, first + 0.1), footprint, overlap)
+    return [one, replace(one, photos=other, aside_w=-one.aside_w)]
+
+
+class Section:
+    """The chord along a blade, as a viewer sees it."""
+
+    def __init__(self, frame: BladeFrame, turbine: Turbine, grid_m: Float) -> None:
+        """``grid_m``: (M,) metres."""
+        shape, share = turbine.blade, grid_m / frame.length_m
+        pitch = frame.pitch_rad or 0.0
+        chord, twist, thickness, prebend, axis = (
+            np.interp(share, shape.span, column)
+            for column in (
+                shape.chord_m, shape.twist_deg, shape.thickness, shape.prebend_m, shape.pitch_axis
+            )
+        )  # fmt: skip
+        angles = pitch + np.radians(twist)
+        lead = np.cos(angles)[:, None] * frame.rotation_w + np.sin(angles)[:, None] * frame.upwind_w
+        self.grid_m = grid_m
+        self._frame = frame
+        self._bend_w = prebend[:, None] * frame.pressure(pitch)
+        self._middle_w = ((axis - 0.5) * chord)[:, None] * lead
+        self._half_chord_w = 0.5 * chord[:, None] * lead
+        self._half_thick_m = 0.5 * chord * thickness
+
+    def across(self, view_w: Float) -> Float:
+        """Return the unit direction (3,) across the blade, square to the view."""
+        across: Float = np.asarray(np.cross(self._frame.axis_w, view_w), np.float64)
+        return across / float(np.linalg.norm(across))
+
+    def centre(self, view_w: Float) -> Float:
+        """Return (M, 3) from the undeflected axis to the middle of what is seen."""
+        across = self.across(view_w)
+        return np.asarray(self._bend_w + (self._middle_w @ across)[:, None] * across, np.float64)
+
+    def half_width(self, view_w: Float) -> Float:
+        """Return (M,) half of the blade's extent across the view."""
+        across = self.across(view_w)
+        along = np.abs(self._half_chord_w @ across)
+        # An ellipse of chord and thickness, turned: never less than its thickness.
+        chord = np.linalg.norm(self._half_chord_w, axis=1)
+        sine = np.sqrt(np.maximum(1 - (along / np.maximum(chord, 1e-6)) ** 2, 0.0))
+        return np.asarray(np.hypot(along, sine * self._half_thick_m), np.float64)
+
+
+def _column(metre: float, grid_m: Float, values: Float) -> Float:
+    return np.array([np.interp(metre, grid_m, values[:, k]) for k in range(3)])
 
 
 def _unseen(missing: Mask, grid: Float, view: _View) -> list[Unseen]:

@@ -67,7 +67,8 @@ class Registration:
         if track is not None and self.fresh(flight, leg) and track.stamp_s > self._stamp_s:
             step_s = min(track.stamp_s - self._stamp_s, 0.3)
             self._stamp_s = track.stamp_s
-            offset = np.array(track.offset_w)
+            # What of the offset is the blade's own form is in the plan.
+            offset = np.array(track.offset_w) - leg.centre(leg.metre_of(flight.here_w))
             size = float(np.linalg.norm(offset))
             if math.isfinite(size) and not self._jumped(offset, step_s):
                 limit = MOVED_M + MOVED_PER_METRE * max(0.0, leg.metre_of(flight.here_w))

@@ -192,7 +192,7 @@ class Track:
         square = abs(float(leg.view_w @ leg.axis_w)) < 0.05
         if track is not None and square and self._registration.fresh(flight, leg):
             return track.distance_m
-        foot = leg.foot(metre) + shift
+        foot = leg.foot(metre) + leg.centre(metre) + shift
         return float(np.linalg.norm(here - foot))
 
 

@@ -10,8 +10,9 @@ from mission.flight.observation import BladeTrack
 from mission.flight.phases.registration import Registration
 
 LEG = SimpleNamespace(
-    blade="A", view_w=np.array([0.0, -1.0, 0.0]), metre_of=lambda _: 10.0, axis_w=np.eye(3)[2]
-)
+    blade="A", view_w=np.array([0.0, -1.0, 0.0]), metre_of=lambda _: 10.0, axis_w=np.eye(3)[2],
+    centre=lambda _: np.zeros(3),
+)  # fmt: skip
 
 
 def seen(registration, offsets, *, blade="A", begin_s=0.0):
