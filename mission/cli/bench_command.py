@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 from rich.table import Table as RichTable
 
+from mission.cli.bench_latency import latency
 from mission.cli.bench_missions import missions
 from mission.cli.bench_vehicle import vehicle
 
@@ -53,6 +54,7 @@ def _bench() -> None:
     """Measure what the README states."""
 
 
+app.command("latency")(latency)
 app.command("vehicle")(vehicle)
 app.command("missions")(missions)
 
