@@ -51,6 +51,7 @@ class Key(StrEnum):
     EXPOSURE = "perception/exposure"
     SENSING = "perception/health"
     READY = "perception/ready"
+    TAKEN = "perception/taken"
     STATE = "mission/state"
     EVENT = "mission/event"
     OBSERVATION = "mission/observation"

@@ -75,9 +75,10 @@ class EstimationWorker:
     async def run(self) -> None:
         """Work through the newest scan, again and again, until cancelled."""
         warm_up_estimation(self._settings)
-        await self._inbox.work("estimation", self._take)
+        await self._inbox.work("estimation", self.take_scan)
 
-    def _take(self, scan: Scan) -> None:
+    def take_scan(self, scan: Scan) -> None:
+        """Add a scan to what was gathered for the task; publish what is due."""
         task = self._inbox.task
         if task.mode not in (SensingMode.TOWER, SensingMode.ROTOR):
             return

@@ -7,6 +7,7 @@ import logging
 import math
 from collections import deque
 from collections.abc import Callable
+from typing import Literal, TypeAlias
 
 import numpy as np
 from pydantic import TypeAdapter
@@ -16,7 +17,7 @@ from drivers.clock import Clock
 from drivers.codecs import BadMessage, decode_scan
 from mission.flight.command import SensingMode, SensingTask
 from mission.flight.observation import CameraState, GimbalState
-from mission.remote.messages import ReadyMessage, VehicleMessage
+from mission.remote.messages import ReadyMessage, TakenMessage, VehicleMessage
 from perception.values import Pose, Scan
 
 log = logging.getLogger(__name__)
@@ -24,6 +25,7 @@ log = logging.getLogger(__name__)
 #: A scan waits at most this long for the pose of its newest point.
 MAX_POSE_WAIT_S = 0.1
 _TASK = TypeAdapter(SensingTask)
+Worker: TypeAlias = Literal["tracking", "estimation"]
 
 
 class SensorInbox:
@@ -58,12 +60,14 @@ class SensorInbox:
             except TimeoutError:
                 continue
 
-    async def work(self, name: str, take: Callable[[Scan], None]) -> None:
+    async def work(self, name: Worker, take: Callable[[Scan], None]) -> None:
         """Hand the newest scan to a worker, again and again, until cancelled; tell it is ready."""
         ready = asyncio.create_task(self._say_ready(name))
         try:
             while True:
-                take(await self.next_scan())
+                scan = await self.next_scan()
+                self.tell_taken(name, "scan", scan.stamp_s)
+                take(scan)
                 await asyncio.sleep(0)
         finally:
             ready.cancel()
@@ -74,6 +78,17 @@ class SensorInbox:
         while True:
             self._bus.publish(Key.READY, message)
             await asyncio.sleep(1.0)
+
+    def tell_taken(self, worker: Worker, what: Literal["scan", "frame"], stamp_s: float) -> None:
+        """Tell the recorder what is taken up, and what is known meanwhile."""
+        message = TakenMessage(
+            worker=worker,
+            what=what,
+            stamp_s=stamp_s,
+            pose_s=self.poses[-1].stamp_s if self.poses else None,
+            task_id=self.task.task_id,
+        )
+        self._bus.publish(Key.TAKEN, message.model_dump_json().encode(), droppable=True)
 
     def position(self) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]] | None:
         """Return where the vehicle was last, (3,) world."""

@@ -82,11 +82,12 @@ class TrackingWorker:
     async def run(self) -> None:
         """Work through the newest scan, again and again, until cancelled."""
         warm_up_tracking()
-        await self._inbox.work("tracking", self._take_scan)
+        await self._inbox.work("tracking", self.take_scan)
 
     # --- scans --------------------------------------------------------------------------------
 
-    def _take_scan(self, scan: Scan) -> None:
+    def take_scan(self, scan: Scan) -> None:
+        """Publish clearance and surroundings of a scan and, along a blade, its line."""
         position_w = self._inbox.position()
         if position_w is None:
             return
@@ -149,6 +150,7 @@ class TrackingWorker:
             frame = decode_frame(sample.payload, sample.attachment)
         except BadMessage:
             return
+        self._inbox.tell_taken("tracking", "frame", frame.stamp_s)
         control = self._control()
         if control is None or self._inbox.task.mode is not SensingMode.BLADE:
             return

@@ -44,6 +44,7 @@ from mission.remote.messages import (
     ReadyMessage,
     SensingHealth,
     StateMessage,
+    TakenMessage,
     TickRecord,
     VehicleMessage,
 )
@@ -66,6 +67,7 @@ JSON_CHANNELS: Mapping[str, type] = {
     Key.COMMAND: TickRecord,
     Key.SENSING: SensingHealth,
     Key.READY: ReadyMessage,
+    Key.TAKEN: TakenMessage,
     Key.INTENT: Intent,
     Key.PHOTO: PhotoTakenMessage,
     Key.PHOTO_RESULT: PhotoResultMessage,

@@ -278,6 +278,21 @@ class ReadyMessage(Message):
     name: str
 
 
+class TakenMessage(Message):
+    """A perception worker to the recorder: it takes up a scan or a frame, and knows this much.
+
+    With it a replay computes the same again: which were taken up, and with which poses.
+    """
+
+    worker: Literal["tracking", "estimation"]
+    what: Literal["scan", "frame"]
+    stamp_s: float
+    """Of the scan or the frame."""
+    pose_s: float | None
+    """Of the newest pose known; None: none yet."""
+    task_id: int
+
+
 class TickRecord(BaseModel):
     """One tick as recorded: what was known, what was decided, what was sent."""
 
@@ -316,6 +331,7 @@ __all__ = [
     "SensingHealth",
     "StartRequest",
     "StateMessage",
+    "TakenMessage",
     "TickRecord",
     "TurbineInfo",
     "VehicleMessage",
