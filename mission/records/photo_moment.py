@@ -134,6 +134,11 @@ class PhotoHistory:
             blade=self._blade(taken),
         )
 
+    def take_tip(self, stamp_s: float, axis_w: Float, drift_m: float, sigma_m: float) -> None:
+        """Take what a photo that shows the blade's end says of the wander along the blade."""
+        if self._drift is not None:
+            self._drift.measure(stamp_s, axis_w, drift_m, sigma_m)
+
     # --- vehicle and gimbal -------------------------------------------------------------------
 
     def _nearest_vehicle(self, t_s: float) -> Vehicle | None:

@@ -15,6 +15,7 @@ from perception.blade_in_picture import BladeStations, see
 from perception.geometry import camera_looking_along
 from perception.lens import Lens, lens_of
 from perception.outline_match import MATCHED_SIGMA_M, match_outline
+from perception.tip_in_picture import TIP_SIGMA_M, find_tip
 from perception.values import Bytes, CameraPose, Float
 
 STATION_STEP_M = 0.5
@@ -22,6 +23,17 @@ STATION_STEP_M = 0.5
 _ROOT_SIGMA_M = 0.1
 #: How far a blade seen by the LiDAR is off across its axis; and one that it did not see.
 _TRACKED_SIGMA_M, _BENT_PER_METRE = 0.1, 0.012
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TipSeen:
+    """The blade's end was seen in the picture: how far the vehicle has wandered along the blade."""
+
+    axis_w: Float
+    """(3,) unit, root to tip."""
+    drift_m: float
+    """Of the reported position, along the axis, as the picture says."""
+    sigma_m: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,6 +60,7 @@ class PhotoView:
     blade_length_m: float | None = None
     matched: bool = False
     """The outline was laid on the blade's edges in the picture."""
+    tip: TipSeen | None = None
 
 
 def view_of(
@@ -76,10 +89,31 @@ def view_of(
             metre, point = float(seen.metre_m[0]), seen.point_w[0]
     range_m = float(np.linalg.norm(point - camera.position_w))
     sigma = _metre_sigma(moment, camera, blade, range_m, covariance, (yaw, pitch), settings)
+    tip = None
+    if match is not None:
+        length = turbine.blade_length_m
+        end = find_tip(grey, match.stations, camera, lens, length, max(0.5, 3 * sigma))
+        if end is not None:
+            # The picture itself now tells the metre: pose and angles matter no more.
+            tip = _tip(end - length, blade, covariance, sigma)
+            gain = sigma**2 / (sigma**2 + TIP_SIGMA_M**2)
+            along = gain * (end - length)
+            stations = match.stations.moved(along * blade.axis_w)
+            metre, sigma = metre - along, math.sqrt(gain) * TIP_SIGMA_M
     return PhotoView(
         camera, lens, covariance, yaw, pitch, stations, metre, sigma, across,
-        blade.track is not None, range_m, turbine.blade_length_m, match is not None,
+        blade.track is not None, range_m, turbine.blade_length_m, match is not None, tip,
     )  # fmt: skip
+
+
+def _tip(off_m: float, blade: BladeThen, covariance: Float, metre_sigma_m: float) -> TipSeen:
+    """Return what the tip, seen so far off where it was drawn, says of the vehicle's wander."""
+    axis = blade.axis_w
+    by_position = float(axis @ covariance @ axis)
+    # What is not the position's own error (angles, time) is in the picture too.
+    others = max(0.0, metre_sigma_m**2 - by_position)
+    drift_m = float(blade.drift_w @ axis) + off_m
+    return TipSeen(axis, drift_m, math.sqrt(TIP_SIGMA_M**2 + others + _ROOT_SIGMA_M**2))
 
 
 def camera_pose(moment: PhotoMoment, settings: Settings) -> CameraPose:

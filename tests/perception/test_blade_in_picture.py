@@ -7,6 +7,7 @@ from perception.blade_in_picture import BladeStations, clipped, outline_px, see
 from perception.geometry import camera_looking_along
 from perception.lens import lens_of
 from perception.outline_match import match_outline
+from perception.tip_in_picture import find_tip
 from perception.values import CameraPose
 
 LENS = lens_of(Camera(), 1296, 972)
@@ -103,3 +104,20 @@ def test_a_picture_without_the_blade_matches_nothing():
     clouds = cv2.GaussianBlur(rng.normal(120, 60, (972, 1296)), (0, 0), 25)
     picture = np.clip(clouds, 0, 255).astype(np.uint8)
     assert match_outline(picture, a_blade(), CAMERA, LENS) is None
+
+
+@pytest.mark.parametrize("true_m", [20.0, 20.5, 21.0])
+def test_the_end_of_a_blade_is_found_where_it_is(true_m):
+    picture = drawn(a_blade(end_m=true_m))
+    found = find_tip(picture, a_blade(end_m=20.5), CAMERA, LENS, 20.5, 0.6)
+    # The drawn blade's sections end at multiples of half a metre.
+    shown = float(a_blade(end_m=true_m).metre_m[-1])
+    assert found == pytest.approx(shown, abs=0.06)
+
+
+def test_a_blade_that_goes_on_or_is_not_drawn_to_its_tip_has_no_end():
+    assert find_tip(drawn(a_blade()), a_blade(end_m=20.5), CAMERA, LENS, 20.5, 0.6) is None
+    picture = drawn(a_blade(end_m=20.5))
+    assert find_tip(picture, a_blade(end_m=20.5), CAMERA, LENS, 30.0, 0.6) is None
+    # Its end would lie above the picture.
+    assert find_tip(picture, a_blade(end_m=22.0), CAMERA, LENS, 22.0, 0.4) is None
