@@ -21,6 +21,7 @@ from perception.cloud_looks import looks
 from perception.cloud_towers import surveyed_turbines
 from perception.estimator import RotorFit, rotor_estimator
 from perception.geometry import stop_angle_difference_deg
+from perception.hub_prior import SurveyResult
 from perception.recorded_cloud import RecordedCloud, checked
 from perception.rotor import Refusal, RefusalCode, Rotor
 from perception.stop_angle import DOWN_W
@@ -29,6 +30,8 @@ from perception.values import Float
 
 DEFAULT_RADIUS_M = 60.0
 """Of what is kept round a hub where the rotor's size is not known: larger ones lose their tips."""
+LONG_M = 25.0
+"""Of an upright thing that is a tower beyond doubt: a look from before the hub shows less of it."""
 PASSES = 6
 """Of the paper's loop over one cloud."""
 WORST_SPREAD_DEG = 2.0
@@ -67,6 +70,8 @@ class _Prior:
     hub_w: Float | None
     normal_w: Float | None
     found_by: str
+    side_is_sure: bool = True
+    """False where what was taken for a tower is so short that it may be a blade."""
 
 
 def estimate_cloud(
@@ -106,17 +111,20 @@ def _priors(cloud: RecordedCloud, question: Question) -> Iterator[_Prior]:
         at = question.hub_w[:2]
         near = [one for one in turbines if np.linalg.norm((one.hub_w - question.hub_w)[:2]) < 12.0]
         near.sort(key=lambda one: float(np.linalg.norm(one.hub_w[:2] - at)))
-        sides = [one.normal_w for one in near if one.normal_w is not None]
-        for normal in [*sides[:1], None]:
-            yield _Prior(question.hub_w, normal, "given")
+        for one in near[:1]:
+            yield _Prior(question.hub_w, one.normal_w, "given", _is_long(one))
+        yield _Prior(question.hub_w, None, "given")
         return
     for one in turbines:
-        yield _Prior(one.hub_w, _agreed(question.normal_w, one.normal_w), "tower")
+        if question.normal_w is not None:
+            yield _Prior(one.hub_w, question.normal_w, "tower")
+        else:
+            yield _Prior(one.hub_w, one.normal_w, "tower", _is_long(one))
     yield _Prior(None, question.normal_w, "rotor")
 
 
-def _agreed(given: Float | None, seen: Float | None) -> Float | None:
-    return seen if given is None else given
+def _is_long(turbine: SurveyResult) -> bool:
+    return turbine.tower.highest_m - float(turbine.tower.foot_w[2]) > LONG_M
 
 
 def _by_prior(
@@ -161,10 +169,15 @@ def _by_prior(
 def _of_known_side(
     answer: Rotor | Refusal, prior: _Prior, points_w: Float, question: Question
 ) -> Rotor | Refusal:
-    """Return a refusal in the place of an angle whose side nobody knows (the paper's method)."""
-    if isinstance(answer, Refusal) or answer.method != "fermat":
+    """Return a refusal in the place of an angle whose side nobody knows.
+
+    The paper's method does not ask for it. The fit takes it from the prior, which may be wrong;
+    then it does not see the tower where that would be.
+    """
+    if isinstance(answer, Refusal) or answer.reference == "tower":
         return answer
-    if prior.normal_w is not None:
+    if prior.normal_w is not None and prior.side_is_sure:
+        # Only the paper's method can contradict it: the fit was held to it.
         if float(answer.normal_w @ prior.normal_w) > 0:
             return answer
         return Refusal(RefusalCode.SIDE_UNKNOWN, "the rotor is seen from behind")

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.angle_scenes import make_scene
 from config.presets import load_turbine
 from config.settings import Settings
 from perception.cloud_estimate import Question, estimate_cloud
@@ -135,6 +136,22 @@ def test_from_behind_no_angle_is_given(settings):
         told = estimate_cloud(mirrored, Question(hub_w=HUB, normal_w=NORMAL), settings)
         assert isinstance(told.rotor, Refusal)
         assert told.rotor.code is RefusalCode.SIDE_UNKNOWN
+
+
+@pytest.mark.parametrize("seed", [70016, 70032])
+@pytest.mark.parametrize("hub_known", [False, True])
+def test_a_blade_that_passes_for_a_short_tower_does_not_name_the_side(seed, hub_known):
+    """Looks of drawn turbines in which it once did, and the angle was one from behind."""
+    scene = make_scene(seed)
+    hub_w = scene.prior_hub_w if hub_known else None
+    answer = estimate_cloud(
+        RecordedCloud(scene.points_w, scene.viewpoint_w),
+        Question(rotor_radius_m=scene.radius_m, hub_w=hub_w),
+    )
+    assert not isinstance(answer.rotor, Refusal), answer.rotor
+    error = stop_angle_difference_deg(answer.rotor.stop_angle_deg, scene.stop_angle_deg)
+    assert abs(error) < 1.5
+    assert answer.rotor.normal_w @ scene.normal_w > 0.99
 
 
 def test_a_national_grid_is_a_frame_like_any_other():
