@@ -18,8 +18,10 @@ from mission.cli import (
     estimate_command,
     keys_command,
     remote_commands,
+    replay_command,
     report_commands,
     serve_command,
+    service_command,
     watch_command,
 )
 from mission.cli import simulate_command as simulation
@@ -38,7 +40,9 @@ app.command("serve")(serve_command.serve)
 remote_commands.mount(app)
 app.command("watch")(watch_command.watch)
 app.command("keys")(keys_command.keys)
+app.command("install-service")(service_command.install_service)
 report_commands.mount(app)
+replay_command.mount(app)
 estimate_command.mount(app)
 app.add_typer(config_command.app, name="config", help="Show and check the configuration.")
 app.add_typer(bench_command.app, name="bench", help="Measure what the README states.")

@@ -33,6 +33,7 @@ from mission.flight.observation import (
     HubPrior,
     RotorEstimate,
 )
+from mission.records.code_digest import code_digest
 from mission.records.scene import SceneView
 from mission.records.spool import Spool
 from mission.remote.messages import (
@@ -106,7 +107,11 @@ class Recording:
             self._describe(settings, turbine)
 
     def _describe(self, settings: Settings, turbine: Turbine | None) -> None:
-        described = {"version": version("bladescout"), "settings": settings.model_dump_json()}
+        described = {
+            "version": version("bladescout"),
+            "code": code_digest(),
+            "settings": settings.model_dump_json(),
+        }
         if turbine is not None:
             described["turbine"] = turbine.model_dump_json()
         self._writer.add_metadata(METADATA, described)
