@@ -1,4 +1,4 @@
-"""`bladescout locate` and `bladescout verify`: questions to the photos of a finished mission."""
+"""`bladescout locate`, `verify` and `export`: what is done with a finished mission's photos."""
 
 from __future__ import annotations
 
@@ -94,7 +94,28 @@ def verify(
         raise typer.Exit(int(Exit.FAILED))
 
 
+def export(
+    mission: Annotated[Path, typer.Argument(help="A mission folder.")],
+    to: Annotated[Path, typer.Option("--to", help="A new or empty folder.")],
+    rejected: Annotated[bool, typer.Option("--rejected", help="Those not kept, too.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Copy a mission's photos, sorted, with an index and camera poses for COLMAP and Metashape."""
+    from mission.records.export import CannotExport, export
+
+    try:
+        done = export(mission, to, rejected=rejected)
+    except CannotExport as error:
+        end(Exit.CONFIGURATION, str(error))
+    if as_json:
+        typer.echo(json.dumps(done.as_json()))
+        return
+    typer.echo(f"{done.photos} photos, {done.poses} with camera poses: {done.folder}")
+    typer.echo(done.words)
+
+
 def mount(app: typer.Typer) -> None:
     """Add the commands about photos to the command line."""
     app.command()(locate)
     app.command()(verify)
+    app.command()(export)
