@@ -20,6 +20,7 @@ from config.links import Autopilot, Bus
 from config.model import ConfigModel
 from config.photos import Photos, Positioning
 from config.sensors import Camera, Gimbal, Lidar
+from config.service import Service
 from config.simulation import Simulation
 from config.turbine import Site
 
@@ -34,6 +35,7 @@ class Settings(ConfigModel):
     battery: Battery = Battery()
     autopilot: Autopilot = Autopilot()
     bus: Bus = Bus()
+    service: Service = Service()
     lidar: Lidar = Lidar()
     camera: Camera = Camera()
     gimbal: Gimbal = Gimbal()

@@ -35,9 +35,9 @@ def serve(
     from drivers.bus import BusUnreachable
     from drivers.bus_access import BadRoles
     from drivers.bus_session import BusNotSafe
-    from mission.processes.runtime import SETTINGS_FILE, configure_logging
+    from mission.processes.logs import configure_logging
+    from mission.processes.runtime import SETTINGS_FILE
 
-    configure_logging("serve")
     if runtime is not None:
         settings = Settings.model_validate_json((runtime / SETTINGS_FILE).read_bytes())
         run_dir = runtime
@@ -47,6 +47,7 @@ def serve(
         except ConfigError as error:
             end(Exit.CONFIGURATION, str(error))
         run_dir = Path(tempfile.mkdtemp(prefix="bladescout-serve-"))
+    configure_logging("serve", form=settings.service.logs)
     try:
         asyncio.run(_serve(settings, run_dir, leave_with_parent=runtime is not None))
     except (BusNotSafe, BadRoles) as error:

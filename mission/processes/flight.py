@@ -1,7 +1,7 @@
 """The flight process: MAVSDK, the 20 Hz control tick, machine and guard. No disk, no fits.
 
 Setpoints leave from the tick alone, synchronously: a dead loop is silence, and silence is the
-autopilot's failsafe. After a stall of our own nothing is sent until the mode was reported anew.
+autopilot's failsafe (`mission/processes/dead_man.py`).
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from pathlib import Path
 from config.presets import load_turbine
 from config.turbine import Site, Turbine
 from drivers.autopilot import AutopilotLink
+from drivers.autopilot_announcer import Announcer
 from drivers.autopilot_errors import AutopilotError
 from drivers.bus import Bus, Key, Sample
 from drivers.clock import sleep_until
@@ -40,6 +41,8 @@ from mission.flight.observation import (
     Request,
     RequestKind,
 )
+from mission.processes.dead_man import DeadMan
+from mission.processes.flight_announcements import Announcements
 from mission.processes.flight_inputs import (
     FlightInputs,
     camera_part,
@@ -47,6 +50,7 @@ from mission.processes.flight_inputs import (
     vehicle_part,
 )
 from mission.processes.flight_outputs import FlightOutputs
+from mission.processes.flight_pace import Pace
 from mission.processes.preflight import preflight_items, read_parameters
 from mission.processes.runtime import Runtime, run_process
 from mission.remote.asked_site import asked_site
@@ -57,8 +61,6 @@ log = logging.getLogger(__name__)
 TICK_S = 0.05
 #: Ticks missed by more than this are left out, not made up for.
 MAX_LATE_S = 0.1
-#: Silent for so long (the autopilot may have left offboard): the mode is read before anything.
-STALL_S = 0.4
 RECONNECT_S = 2.0
 IDLE_PROGRESS = Progress(Phase.IDLE, MissionState.IDLE, "ready")
 
@@ -71,7 +73,9 @@ class Flight:
         self._clock = runtime.clock
         self._bus = bus
         self._inputs = FlightInputs(bus)
-        self._outputs = FlightOutputs(bus, runtime)
+        self._pace = Pace()
+        self._outputs = FlightOutputs(bus, runtime, self._pace)
+        self._announcements: Announcements | None = None
         self._guard = Guard(runtime.settings)
         self._requests: list[Request] = []
         self._intent: Intent | None = None
@@ -86,8 +90,7 @@ class Flight:
         self._refused: str | None = None
         self._previous: Setpoint | None = None
         self._guard_words = ""
-        self._last_sent_s = float("-inf")
-        self._mode_wanted_after_s = float("-inf")
+        self._dead_man = DeadMan()
         self._tick = 0
         self._gaps_ms: list[float] = []
         self._started_utc = ""
@@ -106,6 +109,9 @@ class Flight:
                 try:
                     async with AutopilotLink(self._settings.autopilot, self._clock) as link:
                         self._link, self._link_words = link, ""
+                        # A camera on the vehicle's own link tells of its photos by itself.
+                        apart = bool(self._settings.autopilot.payload_url)
+                        self._announcements = Announcements(Announcer(link.wire), photos=apart)
                         async with Payload(
                             link,
                             self._settings,
@@ -169,7 +175,10 @@ class Flight:
         self._tick += 1
         observation = self._observe(link, payload, now_s, late_s)
         self._last_observation = observation
+        self._pace.lag_ms.note(now_s, max(0.0, late_s) * 1e3)
         machine = self._machine
+        if self._announcements is not None:
+            self._announcements.tick(self._progress, observation, self._inputs)
         if machine is None:
             self._outputs.vehicle(observation)
             if self._tick % 4 == 0:
@@ -192,6 +201,7 @@ class Flight:
         refused, self._refused = self._refused, None
         sensing = inputs.sensing
         alive = sensing is None or now_s - sensing.mission_s < 2.5
+        engaged = self._machine is not None and self._machine.engaged
         return Observation(
             now_s=now_s,
             tick=self._tick,
@@ -209,6 +219,7 @@ class Flight:
             offboard_refused=refused,
             sensing_alive=alive,
             late_s=max(0.0, late_s),
+            silent=self._dead_man.look(now_s, engaged=engaged),
             guard_refused=self._guard_words,
         )
 
@@ -226,10 +237,13 @@ class Flight:
         if command.setpoint is not None and self._may_send(observation):
             setpoint = command.setpoint
             link.send_setpoint(setpoint.position_w, setpoint.velocity_w, setpoint.yaw_rad)
-            self._note_gap(observation.now_s)
+            gap_s = self._dead_man.sent(observation.now_s)
+            if gap_s is not None:
+                self._gaps_ms.append(gap_s * 1e3)
+                self._pace.gap_ms.note(observation.now_s, gap_s * 1e3)
             self._previous, sent = setpoint, True
         elif command.setpoint is None:
-            self._previous, self._last_sent_s = None, float("-inf")
+            self._previous = None
         if command.gimbal is not None and self._tick % 2 == 0:
             payload.aim(command.gimbal.yaw_rad, command.gimbal.pitch_rad)
         if command.ev is not None:
@@ -243,22 +257,9 @@ class Flight:
         return sent
 
     def _may_send(self, observation: Observation) -> bool:
-        """After a stall the mode must have been reported anew before anything is sent.
-
-        No setpoint is ever sent late: a tick decides from what is known when it runs, and the
-        ticks that a stall has missed are left out.
-        """
-        now_s = observation.now_s
-        if now_s - self._last_sent_s > STALL_S and self._last_sent_s > float("-inf"):
-            self._mode_wanted_after_s = now_s
-            self._last_sent_s = float("-inf")
         vehicle = observation.vehicle
-        return vehicle is not None and vehicle.mode_stamp_s >= self._mode_wanted_after_s
-
-    def _note_gap(self, now_s: float) -> None:
-        if self._last_sent_s > float("-inf"):
-            self._gaps_ms.append((now_s - self._last_sent_s) * 1e3)
-        self._last_sent_s = now_s
+        stamp_s = None if vehicle is None else vehicle.mode_stamp_s
+        return self._dead_man.may_send(observation.now_s, self._clock.now_s(), stamp_s)
 
     async def _act(self, link: AutopilotLink, action: Action, height_m: float) -> None:
         try:
@@ -283,6 +284,8 @@ class Flight:
         self._outputs.task(command.sensing, observation.now_s)
         for event in events:
             self._outputs.event(event)
+        if self._announcements is not None:
+            self._announcements.events(events)
         ended = command.progress.state in TERMINAL
         if self._tick % 4 == 0 or ended:
             self._outputs.state(command.progress, observation, self._inputs, self._intent)
@@ -315,9 +318,12 @@ class Flight:
         if command is None or self._last_observation is None:
             return
         try:
-            self._outputs.photo(photo, command, self._last_observation)
+            taken = self._outputs.photo(photo, command, self._last_observation)
         except ValueError:  # one photo that cannot be told must not end all others
             log.exception("photo %d lost: it cannot be told", photo.photo_id)
+            return
+        if taken is not None and self._announcements is not None:
+            self._announcements.photo(taken)
 
     def _on_photo_failed(self, photo_id: int, reason: str) -> None:
         self._photo_commands.pop(photo_id, None)

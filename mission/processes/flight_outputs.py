@@ -16,6 +16,7 @@ from mission.flight.guard import GuardedCommand
 from mission.flight.machine import Machine
 from mission.flight.observation import GimbalState, Observation, Vehicle
 from mission.processes.flight_inputs import FlightInputs
+from mission.processes.flight_pace import Pace
 from mission.processes.runtime import Runtime
 from mission.remote.messages import (
     EventMessage,
@@ -34,8 +35,9 @@ TASK_PERIOD_S = 1.0
 class FlightOutputs:
     """Puts flight's messages together and publishes them."""
 
-    def __init__(self, bus: Bus, runtime: Runtime) -> None:
+    def __init__(self, bus: Bus, runtime: Runtime, pace: Pace) -> None:
         self._bus = bus
+        self._pace = pace
         self._settings = runtime.settings
         self._clock = runtime.clock
         self._task: SensingTask | None = None
@@ -121,14 +123,19 @@ class FlightOutputs:
             ev=None if camera is None else camera.ev,
             grey=None if inputs.exposure is None else inputs.exposure.mean_grey,
             link_ok=link_ok,
+            yaw_rad=None if vehicle is None else vehicle.yaw_rad,
+            loop_lag_ms=self._pace.lag_ms.worst(now_s),
+            setpoint_gap_ms=self._pace.gap_ms.worst(now_s),
         )
         self._bus.publish(Key.STATE, message.model_dump_json().encode())
 
-    def photo(self, photo: PhotoTaken, command: PhotoCommand, newest: Observation) -> None:
-        """Publish that a photo exists, with everything known at its moment."""
+    def photo(
+        self, photo: PhotoTaken, command: PhotoCommand, newest: Observation
+    ) -> PhotoTakenMessage | None:
+        """Publish that a photo exists, with everything known at its moment, and return that."""
         vehicle, gimbal = self._at(photo.stamp_s, newest)
         if vehicle is None:
-            return
+            return None
         camera = newest.camera
         foot = command.foot_w
         distance_m = command.distance_m if foot is None else math.dist(foot, vehicle.position_w)
@@ -151,6 +158,7 @@ class FlightOutputs:
             altitude_m=vehicle.altitude_m,
         )
         self._bus.publish(Key.PHOTO, message.model_dump_json().encode())
+        return message
 
     def report(
         self,

@@ -16,6 +16,7 @@ from config.settings import Settings
 from drivers.bus import Bus
 from drivers.clock import Clock, MonotonicClock, SharedClock
 from mission.processes.children import parent_gone
+from mission.processes.logs import configure_logging
 
 log = logging.getLogger(__name__)
 
@@ -44,18 +45,6 @@ class Runtime:
         return Bus.open_client(self.settings.bus, self.settings.vehicle)
 
 
-def configure_logging(name: str, run_dir: Path | None = None) -> None:
-    """Log to standard error, or to a file of the run directory where one is wanted."""
-    handler: logging.Handler
-    log_dir = None if run_dir is None else run_dir / "log"
-    if log_dir is not None and log_dir.is_dir():
-        handler = logging.FileHandler(log_dir / f"{name}.log")
-    else:
-        handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s %(message)s"))
-    logging.basicConfig(level=logging.INFO, handlers=[handler], force=True)
-
-
 def run_process(
     name: str, main: Callable[[Runtime], Coroutine[None, None, None]], *, niceness: int = 0
 ) -> None:
@@ -64,11 +53,12 @@ def run_process(
     ``niceness`` below 0 (what flies comes first) takes effect where the system grants it.
     """
     run_dir = Path(sys.argv[1])
-    configure_logging(name, run_dir)
+    runtime = Runtime.load(run_dir)
+    configure_logging(name, run_dir, runtime.settings.service.logs)
     with contextlib.suppress(PermissionError):
         os.setpriority(os.PRIO_PROCESS, 0, niceness)
     try:
-        asyncio.run(_until_told(Runtime.load(run_dir), main))
+        asyncio.run(_until_told(runtime, main))
     except KeyboardInterrupt:
         log.info("interrupted")
 

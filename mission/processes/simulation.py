@@ -105,6 +105,7 @@ def on_loopback(settings: Settings) -> Settings:
                 update={"method": settings.simulation.position_profile}
             ),
             "simulation": settings.simulation.model_copy(update={"camera": simulated_camera}),
+            "service": settings.service.model_copy(update={"metrics_port": 0}),
         }
     )
 

@@ -12,7 +12,10 @@ from pathlib import Path
 from config.settings import Settings
 from drivers.bus import Bus, Key, Sample
 from drivers.bus_access import read_roles
+from drivers.systemd import Systemd
 from mission.processes.children import Child
+from mission.processes.heartbeat import feed_watchdog
+from mission.processes.metrics import Figures, MetricsServer
 from mission.processes.runtime import SETTINGS_FILE
 from mission.remote.desk import ALL_VERBS, TOO_MANY, Desk
 from mission.remote.history import History
@@ -37,7 +40,10 @@ class Supervisor:
         self._bus: Bus | None = None
         keys = settings.bus.keys
         roles = read_roles(Path(keys)) if keys else {}
-        self._desk = Desk(settings, self._history, self._hand_over, self._tell, roles)
+        self._figures = Figures(self._history, Path(settings.missions_dir), settings.vehicle)
+        self._desk = Desk(
+            settings, self._history, self._hand_over, self._tell, roles, self._figures.count
+        )
         self.ready = asyncio.Event()
 
     async def run(self, until: asyncio.Event) -> None:
@@ -48,7 +54,10 @@ class Supervisor:
         """
         self._run_dir.mkdir(parents=True, exist_ok=True)
         (self._run_dir / SETTINGS_FILE).write_text(self._settings.model_dump_json())
-        with Bus.open_router(self._settings.bus, self._settings.vehicle) as bus:
+        with (
+            Bus.open_router(self._settings.bus, self._settings.vehicle) as bus,
+            MetricsServer(self._figures, self._settings.service.metrics_port),
+        ):
             self._bus = bus
             self._history.listen(bus)
             bus.subscribe(Key.STATE, self._take_state)
@@ -61,8 +70,10 @@ class Supervisor:
             bus.announce()
             children = [Child(name, module, self._run_dir) for name, module in _PROCESSES]
             watchers = [asyncio.create_task(child.keep_alive(self._on_death)) for child in children]
+            feeder = asyncio.create_task(feed_watchdog(self._history, Systemd()))
             stop = asyncio.create_task(until.wait())
             await asyncio.wait([stop, *watchers], return_when=asyncio.FIRST_COMPLETED)
+            feeder.cancel()
             # Flight leaves first, so that its last word (hold) goes out at once.
             *others, flight = children
             await flight.end()
@@ -84,6 +95,7 @@ class Supervisor:
             self._desk.take_state(self._history.state)
 
     def _on_death(self, name: str, deaths: int) -> None:
+        self._figures.deaths[name] = self._figures.deaths.get(name, 0) + 1
         if name == "flight":
             self._desk.forget_pending()
         self._tell(

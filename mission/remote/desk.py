@@ -63,12 +63,15 @@ class Desk:
         hand_over: Callable[[Intent], None],
         tell: Callable[[EventMessage], None],
         roles: dict[str, Role],
+        count: Callable[[str], None] = lambda _: None,
     ) -> None:
+        """``count`` is told the code of every reply."""
         self._settings = settings
         self._history = history
         self._hand_over = hand_over
         self._tell = tell
         self._roles = roles
+        self._count = count
         self._started: dict[str, tuple[StartRequest, str]] = {}
         self._pending: str | None = None
         self._turbines = tuple(_turbine_info(settings))
@@ -83,6 +86,7 @@ class Desk:
     def answer(self, ask: Ask) -> bytes:
         """Return the reply to a request, whatever its bytes are."""
         reply = self._answer(ask)
+        self._count(reply.code)
         if ask.verb not in QUERIES:
             self._audit(ask, reply)
         return reply.model_dump_json().encode()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import time
 from collections import deque
 
 from pydantic import TypeAdapter, ValidationError
@@ -14,6 +15,7 @@ from mission.remote.messages import (
     PhotoResultMessage,
     PhotoShown,
     PhotoTakenMessage,
+    SensingHealth,
     StateMessage,
 )
 
@@ -30,6 +32,8 @@ class History:
     def __init__(self) -> None:
         self.state: StateMessage | None = None
         self.rotor: RotorEstimate | None = None
+        self.sensing: SensingHealth | None = None
+        self._state_heard_s = float("-inf")
         self._events: deque[EventMessage] = deque(maxlen=MAX_EVENTS)
         self._photos: dict[int, PhotoShown] = {}
 
@@ -43,6 +47,10 @@ class History:
         """The photos of the mission, oldest first."""
         return tuple(self._photos.values())
 
+    def state_age_s(self) -> float:
+        """Return how long ago (wall time) the newest state arrived."""
+        return time.monotonic() - self._state_heard_s
+
     def begin(self) -> None:
         """A new mission begins: nothing of the last one is its own."""
         self._photos.clear()
@@ -50,7 +58,7 @@ class History:
 
     def listen(self, bus: Bus) -> None:
         """Hear everything from now on (the state is handed over by `take`)."""
-        for key in (Key.EVENT, Key.PHOTO, Key.PHOTO_RESULT, Key.ROTOR):
+        for key in (Key.EVENT, Key.PHOTO, Key.PHOTO_RESULT, Key.ROTOR, Key.SENSING):
             bus.subscribe(key, self.take)
 
     def take(self, sample: Sample) -> None:
@@ -63,8 +71,11 @@ class History:
     def _take(self, sample: Sample) -> None:
         if sample.key == Key.STATE:
             self.state = StateMessage.model_validate_json(sample.payload)
+            self._state_heard_s = time.monotonic()
         elif sample.key == Key.EVENT:
             self._events.append(EventMessage.model_validate_json(sample.payload))
+        elif sample.key == Key.SENSING:
+            self.sensing = SensingHealth.model_validate_json(sample.payload)
         elif sample.key == Key.ROTOR:
             rotor = _ROTOR.validate_json(sample.payload)
             self.rotor = rotor if rotor.refusal is None else self.rotor

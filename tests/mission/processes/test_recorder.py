@@ -1,0 +1,161 @@
+"""The recorder fed by hand: photos fetched from a camera that at first does not give them out."""
+
+import asyncio
+import http.server
+import json
+import threading
+
+import cv2
+import numpy as np
+import pytest
+
+from config.settings import Settings
+from config.turbine import Site
+from drivers.bus import Key, Sample
+from drivers.clock import MonotonicClock
+from mission.flight.command import MissionState, Phase, PhotoCommand
+from mission.flight.observation import FlightMode, GimbalState, RequestKind, Vehicle
+from mission.flight.report import MissionReport, PhaseTime
+from mission.processes import recorder
+from mission.processes.recorder import Recorder
+from mission.processes.runtime import Runtime
+from mission.remote.messages import FlightReport, Intent, PhotoTakenMessage, VehicleMessage
+
+
+class HandBus:
+    """A bus that delivers what the test says, and keeps what is published."""
+
+    def __init__(self):
+        self.said = []
+
+    def subscribe(self, _keys, take):
+        self.take = take
+
+    def publish(self, key, payload, **_):
+        self.said.append((key, json.loads(payload)))
+
+    def deliver(self, key, message):
+        payload = message if isinstance(message, bytes) else message.model_dump_json().encode()
+        self.take(Sample(key, payload, None))
+
+
+class Camera:
+    """Photos over HTTP; ``missing`` are not given out."""
+
+    def __init__(self):
+        self.missing = set()
+        camera = self
+        picture = np.random.default_rng(1).normal(130, 6, (120, 160)).astype(np.uint8)
+        jpeg = cv2.imencode(".jpg", picture)[1].tobytes()
+
+        class Handler(http.server.BaseHTTPRequestHandler):
+            def do_GET(self):
+                found = self.path not in camera.missing
+                self.send_response(200 if found else 404)
+                self.end_headers()
+                if found:
+                    # Each photo is another picture.
+                    self.wfile.write(jpeg[:-2] + self.path.encode() + jpeg[-2:])
+
+            def log_request(self, *_):
+                pass
+
+        self.server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+        self.url = f"http://127.0.0.1:{self.server.server_address[1]}"
+        threading.Thread(target=self.server.serve_forever, daemon=True).start()
+
+
+@pytest.fixture
+def camera():
+    camera = Camera()
+    yield camera
+    camera.server.shutdown()
+    camera.server.server_close()
+
+
+def taken(photo_id, camera):
+    return PhotoTakenMessage(
+        command=PhotoCommand(photo_id, "A", "PS", 4.0 * photo_id, 12.0),
+        url=f"{camera.url}/{photo_id}", index=photo_id, stamp_s=10.0 + photo_id,
+        utc=f"2026-03-01T10:20:{photo_id:02d}.500Z", position_w=(0.0, 0.0, 50.0),
+        quaternion_wb=(1.0, 0.0, 0.0, 0.0), gimbal_yaw_rad=0.0, gimbal_pitch_rad=0.0,
+        distance_m=12.0,
+    )  # fmt: skip
+
+
+def vehicle(at_s):
+    return VehicleMessage(
+        vehicle=Vehicle(
+            at_s, (1.0, 2.0, 50.0), (1.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), 0.0,
+            FlightMode.OFFBOARD, at_s, True, True, False, at_s,
+        ),
+        gimbal=GimbalState(at_s, 0.2, 0.1),
+    )  # fmt: skip
+
+
+def the_end():
+    report = MissionReport(
+        state=MissionState.COMPLETED, words="landed", started_s=0.0, duration_s=60.0,
+        phases=(PhaseTime(Phase.IDLE, 0.0, 60.0),), rotor=None, iterations=0, passes=(), events=(),
+    )  # fmt: skip
+    return FlightReport(
+        report=report, site="hill-3", turbine="windpact-1.5", operator="A", rotor_locked=True,
+        started_utc="2026-03-01T10:14:00+00:00", tower_foot_w=(0.0, 0.0, 0.0),
+    )  # fmt: skip
+
+
+async def until(condition):
+    # What is waited for happens in threads and over HTTP: there is nothing to be awaited.
+    async with asyncio.timeout(20.0):
+        while not condition():
+            await asyncio.sleep(0.01)
+
+
+async def record(tmp_path, camera, monkeypatch):
+    """Fly three photos; the second is missing at first, the third for good."""
+    monkeypatch.setattr("mission.records.photos.FETCH_WAIT_S", 0.0)
+    site = Site(name="hill-3", turbine="windpact-1.5", blade_serials={"A": "SN-1"})
+    runtime = Runtime(Settings(sites=(site,)), MonotonicClock(), tmp_path)
+    bus = HandBus()
+    running = asyncio.create_task(Recorder(runtime, bus).run())
+    await asyncio.sleep(0)
+    folder = tmp_path / "mission"
+    folder.mkdir()
+    start = Intent(kind=RequestKind.START, id="1", site="hill-3", mission_dir=str(folder))
+    bus.deliver(Key.INTENT, start)
+    bus.deliver(Key.VEHICLE, vehicle(10.9))
+    bus.deliver(Key.VEHICLE, vehicle(11.1))
+    bus.deliver(Key.BLADE, b'{"broken": true}')
+    camera.missing = {"/2", "/3"}
+    for photo_id in (1, 2, 3):
+        bus.deliver(Key.PHOTO, taken(photo_id, camera))
+    results = [said for said in bus.said if said[0] == Key.PHOTO_RESULT]
+    await until(lambda: len([s for s in bus.said if s[0] == Key.PHOTO_RESULT]) == 3)
+    camera.missing = {"/3"}
+    bus.deliver(Key.REPORT, the_end())
+    await until(lambda: any(key == Key.RECORDED for key, _ in bus.said))
+    running.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await running
+    assert results == []
+    return folder, bus.said
+
+
+def test_photos_are_stored_and_missing_ones_are_asked_for_again(tmp_path, camera, monkeypatch):
+    assert recorder.PHOTO_PATIENCE_S > 0
+    folder, said = asyncio.run(record(tmp_path, camera, monkeypatch))
+    told = {}
+    for key, message in said:
+        if key == Key.PHOTO_RESULT:
+            told.setdefault(message["photo_id"], []).append(message["kept"])
+    assert told == {1: [True], 2: [False, True], 3: [False, False]}
+    (recorded,) = [message for key, message in said if key == Key.RECORDED]
+    assert recorded["ok"], recorded["text"]
+    mission = json.loads((folder / "mission.json").read_text())
+    assert mission["photos"] == {"kept": 2, "rejected": 0, "lost": 1}
+    assert "photo 3" in mission["lost"][0]
+    sidecars = [json.loads(path.read_text()) for path in folder.glob("photos/A/PS/*.json")]
+    first = next(one for one in sidecars if one["photo_id"] == 1)
+    # Between two reports of the vehicle, not where the message says; and which blade it is.
+    assert first["position_w"] == pytest.approx([1.1, 2.0, 50.0], abs=0.11)
+    assert first["serial"] == "SN-1"
