@@ -21,7 +21,7 @@ from drivers.bus import Bus, Key, Sample
 from mission.flight.observation import RequestKind
 from mission.processes.runtime import Runtime, run_process
 from mission.records.files import CONFIG, EVENTS, RECORDING, write_whole
-from mission.records.photo_moment import PhotoHistory
+from mission.records.photo_moment import PhotoHistory, PhotoMoment
 from mission.records.photo_record import PhotoRecord
 from mission.records.photos import NotAJpeg, PhotoLost, PhotoSite, fetch, store
 from mission.records.recording import Recording
@@ -141,7 +141,7 @@ class Recorder:
         loop = asyncio.get_running_loop()
         photo_id = taken.command.photo_id
         try:
-            moment = mission.history.moment(taken)
+            moment = _moment(mission.history, taken)
             jpeg = await loop.run_in_executor(self._fetchers, fetch, taken.url)
             photo = await loop.run_in_executor(
                 self._fetchers,
@@ -205,6 +205,15 @@ class Recorder:
             ok, text = False, f"{type(error).__name__}: {error}"
         message = RecordedMessage(mission_dir=str(mission.folder), ok=ok, text=text)
         self._bus.publish(Key.RECORDED, message.model_dump_json().encode())
+
+
+def _moment(history: PhotoHistory, taken: PhotoTakenMessage) -> PhotoMoment | None:
+    """Return what was known when a photo was taken; None leaves it to the photo's own message."""
+    try:
+        return history.moment(taken)
+    except (ValueError, ArithmeticError, IndexError):
+        log.exception("what was known at photo %d cannot be told", taken.command.photo_id)
+        return None
 
 
 def _site(settings: Settings, name: str) -> PhotoSite:

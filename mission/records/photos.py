@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 import math
 import time
 import urllib.error
 import urllib.request
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -27,6 +28,8 @@ from perception.geometry import heading_from_enu_yaw, rotation_from_quaternion
 from perception.values import Bytes
 
 __all__ = ["NotAJpeg", "PhotoLost", "PhotoSite", "StoredPhoto", "fetch", "store"]
+
+log = logging.getLogger(__name__)
 
 FETCH_TRIES = 4
 FETCH_TIMEOUT_S = 10.0
@@ -93,7 +96,7 @@ def store(
         raise NotAJpeg("the picture cannot be decoded")
     picture: Bytes = np.asarray(grey, np.uint8)
     now = moment_of(taken) if moment is None else moment
-    view = view_of(now, site.turbine, settings, picture)
+    view = _view(now, site.turbine, settings, picture)
     foot = None if taken.foot_w is None else np.array(taken.foot_w)
     verdict = judge(picture, view, now, foot, taken.shutter_s, settings)
     again = _again(jpeg, taken.command.photo_id, {} if seen_before is None else seen_before)
@@ -103,6 +106,17 @@ def store(
     write_whole(path, with_metadata(jpeg, record, settings.camera))
     write_whole(path.with_suffix(".json"), record.sidecar())
     return StoredPhoto(record, path, view.tip)
+
+
+def _view(
+    moment: PhotoMoment, turbine: Turbine | None, settings: Settings, picture: Bytes
+) -> PhotoView:
+    """Return what the picture shows; a blade that cannot be placed loses no photo."""
+    try:
+        return view_of(moment, turbine, settings, picture)
+    except (ValueError, ArithmeticError, IndexError, np.linalg.LinAlgError):
+        log.exception("what a photo shows cannot be told")
+        return view_of(replace(moment, blade=None), None, settings, picture)
 
 
 def _again(jpeg: bytes, photo_id: int, seen_before: dict[str, int]) -> int | None:

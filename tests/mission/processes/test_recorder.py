@@ -16,7 +16,6 @@ from drivers.clock import MonotonicClock
 from mission.flight.command import MissionState, Phase, PhotoCommand
 from mission.flight.observation import FlightMode, GimbalState, RequestKind, Vehicle
 from mission.flight.report import MissionReport, PhaseTime
-from mission.processes import recorder
 from mission.processes.recorder import Recorder
 from mission.processes.runtime import Runtime
 from mission.remote.messages import FlightReport, Intent, PhotoTakenMessage, VehicleMessage
@@ -107,7 +106,7 @@ def the_end():
 async def until(condition):
     # What is waited for happens in threads and over HTTP: there is nothing to be awaited.
     async with asyncio.timeout(20.0):
-        while not condition():
+        while not condition():  # noqa: ASYNC110 - as said above
             await asyncio.sleep(0.01)
 
 
@@ -129,7 +128,6 @@ async def record(tmp_path, camera, monkeypatch):
     camera.missing = {"/2", "/3"}
     for photo_id in (1, 2, 3):
         bus.deliver(Key.PHOTO, taken(photo_id, camera))
-    results = [said for said in bus.said if said[0] == Key.PHOTO_RESULT]
     await until(lambda: len([s for s in bus.said if s[0] == Key.PHOTO_RESULT]) == 3)
     camera.missing = {"/3"}
     bus.deliver(Key.REPORT, the_end())
@@ -137,12 +135,10 @@ async def record(tmp_path, camera, monkeypatch):
     running.cancel()
     with pytest.raises(asyncio.CancelledError):
         await running
-    assert results == []
     return folder, bus.said
 
 
 def test_photos_are_stored_and_missing_ones_are_asked_for_again(tmp_path, camera, monkeypatch):
-    assert recorder.PHOTO_PATIENCE_S > 0
     folder, said = asyncio.run(record(tmp_path, camera, monkeypatch))
     told = {}
     for key, message in said:

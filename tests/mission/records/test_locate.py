@@ -1,5 +1,6 @@
 import json
 import math
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -182,6 +183,15 @@ def test_what_is_rejected_is_a_setting(tmp_path):
         update={"photos": Settings().photos.model_copy(update={"min_sharpness": 1e5})}
     )
     assert "sharp" in store(a_picture(), taken(), SITE, sharp, tmp_path, a_moment()).record.reason
+
+
+def test_a_blade_that_cannot_be_placed_loses_no_photo(tmp_path):
+    moment = a_moment()
+    broken = replace(moment, blade=replace(moment.blade, drift_w=np.zeros(2)))
+    photo = store(a_picture(), taken(), SITE, Settings(), tmp_path, broken)
+    assert photo.path.is_file()
+    assert photo.record.view.stations == ()
+    assert photo.record.metre == 14.6
 
 
 def test_the_same_picture_twice_is_rejected(tmp_path):
