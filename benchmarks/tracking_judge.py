@@ -82,18 +82,12 @@ def judge(trial: Trial, flown: Flown, caster: Raycaster) -> Judged:
     blades = true_blades(trial)
     outlines = {name: _Outline(caster, trial, name) for name in blades}
     truths = [_truth_of(trial, still, caster) for still in flown.stills]
-    photos = tuple(
-        _photo(
-            trial,
-            still,
-            truth,
-            blades[still.command.blade],
-            outlines[still.command.blade],
-            _in_rows(flown, still),
-        )  # fmt: skip
-        for still, truth in zip(flown.stills, truths, strict=True)
-    )
-    return Judged(photos, tuple(_sides(trial, flown, caster, truths)))
+    photos = []
+    for still, truth in zip(flown.stills, truths, strict=True):
+        name = still.command.blade
+        rows = _in_rows(flown, still)
+        photos.append(_photo(trial, still, truth, blades[name], outlines[name], rows))
+    return Judged(tuple(photos), tuple(_sides(trial, flown, caster, truths)))
 
 
 def _truth_of(trial: Trial, still: Still, caster: Raycaster) -> StillTruth:

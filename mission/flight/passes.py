@@ -40,6 +40,15 @@ MIN_STRETCH_M = 2.0
 SLANTS_DEG = (-30, -20, 20, 30)
 #: Left beside the blade where it is photographed in rows.
 ROW_MARGIN_M = 0.25
+#: One row does where at least so much is left beside the blade.
+ROW_SPARED_M = 0.05
+#: Steeper below the horizon than this the gimbal would have to turn over when the vehicle wanders.
+STEEPEST_DEG = -76.0
+#: Where the LiDAR does not see the blade, the vehicle flies on the fitted rotor: farther away, and
+#: clearer of everything by so much.
+BLIND_DISTANCE_M = 14.0
+BLIND_MARGIN_M = 1.0
+BLIND_WORTH = 0.85
 #: What a view is worth by its angle off the straight one: skin that faces the side's own view is
 #: then seen at a slant.
 WORTH_ANGLE_DEG = (0.0, 15.0, 30.0, 45.0, 60.0)
@@ -71,6 +80,8 @@ class Leg:
     aside_w: Float
     """(M, 3) from there to what the camera is aimed at; not 0 where the blade is wider than the
     picture and is photographed in rows."""
+    blind: bool = False
+    """The LiDAR does not see the blade from here: the fitted rotor holds the distance."""
     again: bool = False
     """Flown for gaps of an earlier leg."""
 
@@ -152,6 +163,7 @@ class _View:
     turn_deg: int
     slant_deg: int
     view_w: Float
+    blind: bool
     distance_m: Float
     """(M,); NaN where the stretch cannot be flown."""
     reason: tuple[str, ...]
@@ -164,7 +176,8 @@ class _View:
     @property
     def worth(self) -> float:
         cosine = math.cos(math.radians(self.turn_deg)) * math.cos(math.radians(self.slant_deg))
-        return float(np.interp(math.degrees(math.acos(cosine)), WORTH_ANGLE_DEG, WORTH))
+        worth = float(np.interp(math.degrees(math.acos(cosine)), WORTH_ANGLE_DEG, WORTH))
+        return BLIND_WORTH * worth if self.blind else worth
 
 
 def plan_side(
@@ -186,7 +199,7 @@ def plan_side(
              if abs(t) <= settings.tracking.max_view_turn_deg]  # fmt: skip
     section = Section(frame, turbine, grid)
     views = _views(frame, straight, turns, (0,), section, model, settings, ground_m)
-    if not any(_in_view(view.view_w, settings) for view in views):
+    if not any(_sight(view.view_w, settings) for view in views):
         views += _views(frame, straight, turns, SLANTS_DEG, section, model, settings, ground_m)
     best = max(views, key=lambda v: v.worth * int(v.seen.sum()) * _nearness(v))
     chosen = [(best, best.seen)]
@@ -239,12 +252,12 @@ def _views(
         + math.sin(math.radians(slant)) * frame.axis_w
         for turn, slant in angles
     ]
-    sees = [_in_view(view_w, settings) for view_w in views]
+    sees = [_sight(view_w, settings) for view_w in views]
     if any(slants):
         # Slanted views serve the gimbal alone: those that do not help need no judging.
         angles = [angle for angle, seen in zip(angles, sees, strict=True) if seen]
         views = [view_w for view_w, seen in zip(views, sees, strict=True) if seen]
-        sees = [True] * len(views)
+        sees = [_sight(view_w, settings) for view_w in views]
         if not views:
             return []
     grid = section.grid_m
@@ -262,23 +275,34 @@ def _views(
     low = (points[:, 2] < ground_m + GROUND_MARGIN_M).reshape(shape)
     clear = (clearance >= settings.guard.min_clearance_m + TRACKING_MARGIN_M) & ~low
     found = []
+    least_m = settings.guard.min_clearance_m + TRACKING_MARGIN_M
+    far = distances >= BLIND_DISTANCE_M - 1e-6
     for index, ((turn, slant), view_w) in enumerate(zip(angles, views, strict=True)):
-        gimbal = sees[index]
-        profile = _profile(clear[index] & gimbal, distances)
-        reason = _reasons(model, clearance[index], nearest[index], low[index], gimbal)
-        found.append(_View(turn, slant, view_w, profile, reason))
+        blind = sees[index] == "blind"
+        flyable = clear[index] & bool(sees[index])
+        if blind:
+            flyable &= far[:, None] & (clearance[index] >= least_m + BLIND_MARGIN_M)
+        profile = _profile(flyable, distances)
+        reason = _reasons(model, clearance[index], nearest[index], low[index], bool(sees[index]))
+        found.append(_View(turn, slant, view_w, blind, profile, reason))
     return found
 
 
-def _in_view(view_w: Float, settings: Settings) -> bool:
+def _sight(view_w: Float, settings: Settings) -> str:
+    """Return "seen" where gimbal and LiDAR see along a view, "blind" where only the gimbal does.
+
+    Empty: not even the gimbal can look there.
+    """
     elevation = math.degrees(math.asin(max(-1.0, min(1.0, -float(view_w[2])))))
     gimbal, lidar = settings.gimbal, settings.lidar
-    # Two degrees are left for the vehicle's wander; straight down needs none.
-    low = gimbal.min_pitch_deg if gimbal.min_pitch_deg <= -90 else gimbal.min_pitch_deg + 2
+    # Two degrees are left for the vehicle's wander.
+    low = max(gimbal.min_pitch_deg + 2, STEEPEST_DEG)
+    if not low <= elevation <= gimbal.max_pitch_deg - 2:
+        return ""
     # The nose faces the blade: what the LiDAR sees ahead is its own band, turned nose-down.
-    low = max(low, lidar.min_elevation_deg - lidar.nose_down_deg + 2)
-    high = min(gimbal.max_pitch_deg, lidar.max_elevation_deg - lidar.nose_down_deg) - 2
-    return low <= elevation <= high
+    lowest = lidar.min_elevation_deg - lidar.nose_down_deg + 2
+    highest = lidar.max_elevation_deg - lidar.nose_down_deg - 2
+    return "seen" if lowest <= elevation <= highest else "blind"
 
 
 def _profile(clear: Mask, distances: Float) -> Float:
@@ -306,7 +330,7 @@ def _reasons(
 ) -> tuple[str, ...]:
     """Name per metre what forbids the view where it is least forbidden."""
     if not gimbal:
-        return ("gimbal or LiDAR would lose the blade",) * clearance.shape[1]
+        return ("the gimbal would lose the blade",) * clearance.shape[1]
     names = [f"blade {frame.name}" for frame in model.frames] + ["tower", "nacelle", "hub"]
     best = clearance.argmax(axis=0)
     words = []
@@ -344,12 +368,13 @@ def _legs(
     room = np.array(
         [half_across_m(frame.axis_w, view.view_w, float(d), spacing, settings) for d in distance]
     )
-    over = np.maximum(section.half_width(view.view_w) + ROW_MARGIN_M - room, 0.0)
-    rows = over > 0.0
+    over = section.half_width(view.view_w) - room
+    rows = over > -ROW_SPARED_M
+    over = np.maximum(over + ROW_MARGIN_M, 0.0) * float(rows.any())
     one = Leg(
         frame.name, side, frame.root_w, frame.axis_w, view.view_w, float(view.turn_deg),
         grid, distance, footprint, photos, frame.length_m,
-        section.centre(view.view_w), over[:, None] * across,
+        section.centre(view.view_w), over[:, None] * across, view.blind,
     )  # fmt: skip
     if not rows.any():
         return [one]

@@ -15,12 +15,18 @@ from mission.flight.flight import Flight
 from mission.flight.passes import Leg
 from perception.values import Float
 
-TIME_S = 1.5
+#: Low-pass of the offset that the path follows: what the position's noise does in a second or two
+#: is undone by the LiDAR, so that the distance is held to the blade and not to the position.
+TIME_S = 0.5
+#: And of the one that the camera is aimed by, which need not be smooth.
+AIM_TIME_S = 0.2
 FRESH_S = 0.5
-MOST_M = 3.0
-#: Beyond drift and droop: the droop grows with the metre.
+#: A position without corrections drifts by metres between two measurements of the rotor.
+MOST_M = 6.0
+#: Beyond drift and droop: the droop grows with the metre, the drift since the rotor was measured.
 MOVED_M = 3.0
 MOVED_PER_METRE = 0.03
+DRIFTED_M, DRIFTED_S = 3.0, 120.0
 #: A blade does not jump: an offset that does is something else's, or found again after a loss.
 JUMP_M = 1.5
 #: Unless it stays: then it is what the sensor sees now.
@@ -36,18 +42,21 @@ class Registration:
         self.shift_w: Float = np.zeros(3)
         self.moved_s = 0.0
         """How long the offset has been one that only a moved rotor explains."""
+        self.aim_w: Float = np.zeros(3)
+        """The same for the camera: less smooth, and where the blade was seen last."""
         self._drift: Float = np.zeros(3)
         self._push = 0.0
         self._stamp_s = -math.inf
         self._blade = ""
         self._begun = False
         self._jumped_s = 0.0
+        self._leapt = False
 
     def begin(self, blade: str) -> None:
-        """Begin a leg. What was learnt on another blade is mostly its own droop: start anew."""
+        """Begin a leg. What was learnt on another blade is a first guess: the position's drift."""
         if blade != self._blade:
-            self._drift, self._begun = np.zeros(3), False
-        self._jumped_s = 0.0
+            self._begun = False
+        self._jumped_s, self._leapt = 0.0, False
         self._blade, self._push, self.moved_s = blade, 0.0, 0.0
         self.shift_w = self._drift
 
@@ -72,9 +81,12 @@ class Registration:
             size = float(np.linalg.norm(offset))
             if math.isfinite(size) and not self._jumped(offset, step_s):
                 limit = MOVED_M + MOVED_PER_METRE * max(0.0, leg.metre_of(flight.here_w))
+                if not self._leapt:
+                    limit += DRIFTED_M * min(1.0, _age_s(flight) / DRIFTED_S)
                 self.moved_s = self.moved_s + step_s if size > limit else 0.0
                 bounded = offset * min(1.0, MOST_M / max(size, 1e-6))
                 self._drift = self._drift + (bounded - self._drift) * (step_s / (TIME_S + step_s))
+                self.aim_w = self.aim_w + (bounded - self.aim_w) * (step_s / (AIM_TIME_S + step_s))
         self._push_outward(flight, leg)
         self.shift_w = self._drift + self._push * leg.view_w
         return self.shift_w
@@ -87,6 +99,8 @@ class Registration:
         bounded = offset * min(1.0, MOST_M / max(float(np.linalg.norm(offset)), 1e-6))
         apart = float(np.linalg.norm(bounded - self._drift))
         if not self._begun or apart < JUMP_M or self._jumped_s > JUMP_STAYS_S:
+            # A position drifts; it does not leap and stay there.
+            self._leapt = self._leapt or (self._begun and apart >= JUMP_M)
             self._begun, self._jumped_s = True, 0.0 if apart < JUMP_M else self._jumped_s
             return False
         self._jumped_s += step_s
@@ -106,3 +120,8 @@ class Registration:
             self._push = min(self._push + step, MOST_PUSH_M)
         elif near > least + 0.5 or not ahead:
             self._push = max(self._push - step / 2, 0.0)
+
+
+def _age_s(flight: Flight) -> float:
+    """Return how long ago the rotor was measured."""
+    return math.inf if flight.rotor is None else flight.now_s - flight.rotor.stamp_s

@@ -31,6 +31,8 @@ SLOW = 0.3
 LAG_S = 0.07
 #: The shutter opens within this time of the order; where the camera then was is what it shows.
 OPENS_AFTER_S, OPENS_BEFORE_S = 0.03, 0.12
+#: A blade not seen for longer is held by the fitted rotor, and the photo says so.
+SEEN_S = 1.0
 #: A photo is taken again at once at most so often; then it is a gap.
 AT_ONCE = 2
 
@@ -129,7 +131,8 @@ class Shooter:
                 return None
             marks.append("exposure")
         track = observation.blade
-        if track is None or track.from_model:
+        seen = track is not None and flight.now_s - track.stamp_s < SEEN_S
+        if track is None or track.from_model or not seen:
             marks.append("from_model")
         return tuple(marks)
 

@@ -30,6 +30,8 @@ MOVED_S = 2.0
 #: Less far in this time is no progress: the leg is left, and comes again with the gaps.
 STUCK_M = 1.5
 STUCK_S = 20.0
+#: Along a blade that the LiDAR does not see.
+BLIND_MPS = 1.0
 
 
 class Track:
@@ -135,7 +137,10 @@ class Track:
     def _transit(self, flight: Flight, leg: Leg, shooter: Shooter) -> Intent:
         shift = self._registration.shift_w
         start = leg.position(shooter.left[0]) + shift
-        yaw, gimbal = _yaw(flight, leg), flight.aim_at(leg.target(shooter.left[0]) + shift)
+        yaw, gimbal = (
+            _yaw(flight, leg),
+            flight.aim_at(leg.target(shooter.left[0]) + self._registration.aim_w),
+        )
         words = f"flying to blade {leg.blade} {leg.side}"
         if not self._moving:
             way = self._way(flight, start)
@@ -166,11 +171,14 @@ class Track:
             shutter = shutter_s(flight.observation.camera, flight.settings)
             distance = leg.distance_at(shooter.left[0])
             self._speed = tracking_speed_mps(distance, leg.spacing_m, shutter, flight.settings)
+            if leg.blind:
+                self._speed = min(self._speed, BLIND_MPS)
             flight.go(_line(leg, metre, shooter.left), self._speed)
-        foot = leg.target(min(max(metre, 0.0), leg.length_m)) + shift
+        seen = self._registration.aim_w
+        foot = leg.target(min(max(metre, 0.0), leg.length_m)) + seen
         aim = flight.aim_at(foot)
         distance = self._distance(flight, leg, metre, here, shift)
-        photo, slow = shooter.step(flight, metre, distance, aim, foot, shift)
+        photo, slow = shooter.step(flight, metre, distance, aim, foot, seen)
         setpoint = flight.follow(_yaw(flight, leg), slow, shift)
         if shooter.left and flight.follower.left_m < 0.05:
             flight.go(_line(leg, metre, shooter.left), self._speed)

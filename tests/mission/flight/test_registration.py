@@ -23,7 +23,7 @@ def seen(registration, offsets, *, blade="A", begin_s=0.0):
         track = BladeTrack(now_s, blade, (0, 0, 0), (0, 0, 1), 12.0, 500.0, tuple(offset), 0.1)
         flight = SimpleNamespace(
             observation=SimpleNamespace(blade=track, clearance=None), now_s=now_s, dt_s=0.1,
-            here_w=np.zeros(3), settings=Settings(),
+            here_w=np.zeros(3), settings=Settings(), rotor=None,
         )  # fmt: skip
         shift = registration.update(flight, LEG)
         longest = max(longest, registration.moved_s)
