@@ -117,7 +117,9 @@ def fit_rotor(
     if isinstance(state, Refusal):
         return state
     tower = (
-        tower_reference(points, state.hub_w, state.normal_w, down, radius) if use_tower else None
+        tower_reference(points, state.hub_w, state.normal_w, down, radius, turbine)
+        if use_tower
+        else None
     )
     if prior_normal_w is None and tower is None:
         return Refusal(

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from config.turbine import Turbine
 from perception.rotor import right_in_plane
 from perception.values import Float
 from perception.voxel_hash import compiled
@@ -20,7 +21,10 @@ MIN_POINTS = 25
 MIN_LENGTH_M = 3.0
 GRAVITY_SIGMA_RAD = math.radians(0.6)
 """How far the tower may stand from gravity as told: lean 0.25-0.5 deg, attitude 0.5 deg."""
-POINT_SIGMA_M = 0.03
+ACROSS_SIGMA_M = 0.04
+ALONG_SIGMA_M = 0.15
+"""Of a point across the line of sight, and along it: ranges err together, by incidence and time,
+so that the tower's outline says where its axis is and its face hardly does."""
 SYSTEMATIC_M = 0.008
 """Of one end of the axis against the other: bands, ladders, taper that is not linear."""
 SHAFT_SIGMA_M = 0.08
@@ -29,7 +33,9 @@ FORMAL_FACTOR = 1.2
 ITERATIONS = 12
 #: Of x0, lean x, y0, lean y, radius and taper: near vertical, size and taper of real towers.
 PRIOR_MEAN = np.array([0.0, 0.0, 0.0, 0.0, 1.6, 0.01])
-PRIOR_INFO = np.array([1e-9, 1 / 0.05**2, 1e-9, 1 / 0.02**2, 1 / 0.6**2, 1 / 0.006**2])
+PRIOR_SIGMA = np.array([3e4, 0.05, 3e4, 0.02, 0.6, 0.006])
+KNOWN_SIGMA = (0.05, 0.003)
+"""Of radius and taper, where the type of turbine says them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,12 +51,18 @@ class TowerReference:
 
 
 def tower_reference(
-    points_w: Float, hub_w: Float, normal_w: Float, down_w: Float, radius_m: float
+    points_w: Float,
+    hub_w: Float,
+    normal_w: Float,
+    down_w: Float,
+    radius_m: float,
+    turbine: Turbine | None = None,
 ) -> TowerReference | None:
     """Return the tower's direction, or None where too little of it is seen.
 
     ``points_w``: (N, 3) world metres; ``hub_w``, ``normal_w`` (downwind), ``down_w``: (3,);
-    ``radius_m`` sets the region: 2.5-20 % of it behind the rotor.
+    ``radius_m`` sets the region: 2.5-20 % of it behind the rotor. ``turbine``: how thick its tower
+    is, without which a tower half hidden by a blade leaves its axis open.
     """
     back = normal_w - (normal_w @ down_w) * down_w
     back = back / np.linalg.norm(back)
@@ -66,7 +78,8 @@ def tower_reference(
     params = np.array([0.0, 0.0, near + size, 0.0, size, 0.01])
     sink = float(normal_w @ down_w) / math.hypot(*(normal_w - (normal_w @ down_w) * down_w))
     covariance, kept = np.zeros((6, 6)), np.zeros(len(local), np.bool_)
-    if not _settle(local, params, sink, covariance, kept):
+    mean, sigmas = _prior(turbine)
+    if not _settle(local, params, sink, mean, 1 / sigmas**2, covariance, kept):
         return None
     depth = local[kept, 2]
     length = float(np.ptp(np.quantile(depth, [0.02, 0.98])))
@@ -81,6 +94,17 @@ def tower_reference(
     direction = direction / np.linalg.norm(direction)
     blended = math.sqrt(weight) * sigma
     return TowerReference(direction, blended, length, int(kept.sum()))
+
+
+def _prior(turbine: Turbine | None) -> tuple[Float, Float]:
+    """Return mean and sigma (6,) of x0, lean x, y0, lean y, radius at the hub's height, taper."""
+    mean, sigma = PRIOR_MEAN.copy(), PRIOR_SIGMA.copy()
+    if turbine is not None:
+        top, base = turbine.tower_top_diameter_m / 2, turbine.tower_base_diameter_m / 2
+        taper = (base - top) / turbine.tower_height_m
+        mean[4:] = top - taper * (turbine.hub_height_m - turbine.tower_height_m), taper
+        sigma[4:] = KNOWN_SIGMA
+    return mean, sigma
 
 
 @compiled
@@ -103,8 +127,9 @@ def _behind(points: Float, hub: Float, axes: Float, radius: float, out: Float) -
 
 @compiled
 def _settle(
-    local: Float, params: Float, sink: float, covariance: Float, kept: NDArray[np.bool_]
-) -> bool:
+    local: Float, params: Float, sink: float, mean: Float, info: Float, covariance: Float,
+    kept: NDArray[np.bool_],
+) -> bool:  # fmt: skip
     """Fit x0, lean x, y0, lean y, radius, taper in place; False where too few points are kept.
 
     ``local``: (N, 3) right, back, down of the hub; ``sink``: how far the shaft falls a metre
@@ -125,7 +150,9 @@ def _settle(
             if not kept[n]:
                 continue
             count += 1
-            weight = 1.0 / max(1.0, abs(error) / (1.5 * POINT_SIGMA_M)) / POINT_SIGMA_M**2
+            variance = (across * ACROSS_SIGMA_M) ** 2 + (along * ALONG_SIGMA_M) ** 2
+            sigma = math.sqrt(variance) / distance
+            weight = 1.0 / max(1.0, abs(error) / (1.5 * sigma)) / sigma**2
             row[0], row[2], row[4], row[5] = -across / distance, -along / distance, -1.0, -z
             row[1], row[3] = row[0] * z, row[2] * z
             for a in range(6):
@@ -135,8 +162,8 @@ def _settle(
         if count < MIN_POINTS:
             return False
         for a in range(6):
-            system[a, a] += PRIOR_INFO[a]
-            pull[a] += PRIOR_INFO[a] * (PRIOR_MEAN[a] - params[a])
+            system[a, a] += info[a]
+            pull[a] += info[a] * (mean[a] - params[a])
         # The axis meets the shaft.
         under = params[2] * sink
         off = params[0] + params[1] * under
