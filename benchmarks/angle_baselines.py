@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from benchmarks.angle_pictures import PictureOptions, take_picture
 from benchmarks.angle_scenes import AngleScene
+from benchmarks.angle_sites import BACKDROPS
 from perception.baselines.line_fit import Variant, fit_rotor_by_lines
 from perception.baselines.stokkeland import estimate_stop_angle
 from perception.baselines.vision_angle import VisionRefusal
@@ -40,10 +41,11 @@ def evaluate_vision(
 ) -> Outcome:
     """Answer by Hough lines and a vote, on a picture taken from where the scene was scanned.
 
-    Without a ``seed`` the picture's surroundings follow from the scene itself.
+    Without a ``seed`` the picture's surroundings follow from the scene itself; without
+    ``options`` they are those of its site.
     """
     drawn = int(scene.stop_angle_deg * 1e7) if seed is None else seed
-    picture = take_picture(scene, drawn, options)
+    picture = take_picture(scene, drawn, options or PictureOptions(backdrop=BACKDROPS[scene.site]))
     start = time.perf_counter()
     answer = estimate_stop_angle(picture.grey, picture.roll_rad, picture.matrix)
     took = time.perf_counter() - start

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.angle_sites import Site, site_parts
 from benchmarks.blade_family import Planform, blade_mesh, draw_planform, known_turbine
 from config.turbine import Turbine
 from drivers.open3d_runtime import load_open3d
@@ -23,6 +24,8 @@ from perception.values import Float
 RATE_HZ = 200_000
 DETECTABLE = 3.9e-5
 """Reflectivity x cos(incidence) x attenuation / range^2 at which half the pulses are detected."""
+CLEAR_M = 8.5
+"""The guard's 8 m, and half a metre."""
 
 Array = NDArray[Any]  # vertices, triangles, float32 rays: whatever Open3D takes
 
@@ -60,6 +63,7 @@ class SceneOptions:
     """Share of scenes with one blade 90 deg from the others."""
     models: tuple[str, ...] | None = None
     """Blade families to draw from (`blade_family.published_models`, `DRAWN`); None: all."""
+    site: Site = Site.FIELDS
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,10 +89,13 @@ class AngleScene:
     directions_w: Float
     """(3, 3) true axis of each blade, a row each: bearing and cone included."""
     plan: Planform = field(repr=False)
+    site: Site = Site.FIELDS
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _World:
+class World:
+    """A turbine, its truth in world ENU, metres."""
+
     scene: Any  # open3d's RaycastingScene has no types
     hub: Float
     normal: Float
@@ -100,12 +107,27 @@ class _World:
     turbine: Turbine
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Approach:
+    """What one flight knows of a turbine beforehand, and how it errs throughout."""
+
+    prior_hub_w: Float
+    prior_normal_w: Float
+    stand_off_m: float
+    attitude: Float
+    """(3, 3) told world from true world."""
+    extrinsic: Float
+    """(3, 3) of the mounting, as it is from as it is told."""
+
+
 def make_scene(seed: int, options: SceneOptions | None = None) -> AngleScene:
     """Return the scene of a seed. The same seed and options give the same scene."""
     opt = options or SceneOptions()
     rng = np.random.default_rng([seed, 77])
-    world = _build_world(rng, opt)
-    return _look(world, rng, opt)
+    world = build_world(rng, opt, seed)
+    approach = draw_approach(world, rng, opt)
+    start = approach.prior_hub_w - approach.prior_normal_w * approach.stand_off_m
+    return look(world, approach, clear_place(world, start, approach.prior_normal_w), rng, opt)
 
 
 def _draw_pitch(rng: np.random.Generator, opt: SceneOptions) -> tuple[float, float, float]:
@@ -149,7 +171,8 @@ def _cylinder(a: Float, b: Float, r0: float, r1: float, n: int = 48) -> tuple[Fl
     return v, faces
 
 
-def _build_world(rng: np.random.Generator, opt: SceneOptions) -> _World:
+def build_world(rng: np.random.Generator, opt: SceneOptions, seed: int) -> World:
+    """Draw a turbine and put it on its site; ``seed`` is the site's."""
     plan = draw_planform(rng, opt.models)
     length = plan.length_m
     tilt, cone = rng.uniform(0.0, 8.0), rng.uniform(-1.0, 5.0)
@@ -185,14 +208,12 @@ def _build_world(rng: np.random.Generator, opt: SceneOptions) -> _World:
         vertices, faces = blade_mesh(plan, pitch[k], (float(-x[2]), float(-y[2])), 1.0)
         parts.append((hub + vertices @ np.stack([x, y, z]), faces))
         directions.append(z)
-    half = 400.0
-    ground = np.array([[-half, -half, 0], [half, -half, 0], [half, half, 0], [-half, half, 0.0]])
-    parts.append((ground, np.array([[0, 1, 2], [0, 2, 3]])))
+    parts += site_parts(opt.site, hub, normal, plan.radius_m, seed)
     scene = load_open3d().t.geometry.RaycastingScene(nthreads=1)
     for vertices, faces in parts:
         scene.add_triangles(_tensor(vertices.astype(np.float32)), _tensor(faces.astype(np.uint32)))
     turbine = known_turbine(plan, tilt, cone, overhang, rng)
-    return _World(
+    return World(
         scene, hub, normal, -tower_up, angles[0], pitch, np.stack(directions), plan, turbine
     )
 
@@ -225,18 +246,32 @@ def _rays(rng: np.random.Generator, count: int, window_deg: float) -> Float:
     )
 
 
-def _look(world: _World, rng: np.random.Generator, opt: SceneOptions) -> AngleScene:
+def draw_approach(world: World, rng: np.random.Generator, opt: SceneOptions) -> Approach:
+    """Draw prior hub and axis, stand-off and the errors that last the whole flight."""
     direction = rng.normal(size=3)
     direction /= np.linalg.norm(direction)
     prior_hub = world.hub + direction * rng.uniform(*opt.prior_error_m)
     prior_yaw = math.atan2(world.normal[1], world.normal[0]) + math.radians(rng.normal(0, 4.0))
     prior_normal = np.array([math.cos(prior_yaw), math.sin(prior_yaw), 0.0])
     stand_off = rng.uniform(*opt.stand_off_m)
-    view = prior_hub - prior_normal * stand_off
-    while _distance(world, view) < 8.5:
-        view = view - prior_normal * 0.5
-    err = rotation_from_euler(*np.deg2rad(rng.normal(0, opt.attitude_deg, 3)))
+    attitude = rotation_from_euler(*np.deg2rad(rng.normal(0, opt.attitude_deg, 3)))
     extrinsic = rotation_from_euler(*np.deg2rad(rng.normal(0, opt.extrinsic_deg, 3)))
+    return Approach(prior_hub, prior_normal, stand_off, attitude, extrinsic)
+
+
+def clear_place(world: World, place: Float, normal: Float) -> Float:
+    """Return the first place upwind of one, against ``normal``, that is clear of everything."""
+    while _distance(world, place) < CLEAR_M:
+        place = place - normal * 0.5
+    return place
+
+
+def look(
+    world: World, approach: Approach, view: Float, rng: np.random.Generator, opt: SceneOptions
+) -> AngleScene:
+    """Return what is measured from a true place ``view`` (3,)."""
+    prior_normal, err, extrinsic = approach.prior_normal_w, approach.attitude, approach.extrinsic
+    prior_yaw = math.atan2(prior_normal[1], prior_normal[0])
     sensor_body = lidar_in_body(23.0)
     frames = max(1, round(opt.seconds * 10))
     wander = np.cumsum(rng.normal(0, 0.03, (frames, 3)), axis=0)
@@ -263,7 +298,7 @@ def _look(world: _World, rng: np.random.Generator, opt: SceneOptions) -> AngleSc
         np.concatenate(points),
         np.concatenate(origins),
         mean_told,
-        prior_hub,
+        approach.prior_hub_w,
         prior_normal,
         np.array([0.0, 0.0, -1.0]),
         world.turbine,
@@ -275,6 +310,7 @@ def _look(world: _World, rng: np.random.Generator, opt: SceneOptions) -> AngleSc
         world.pitch,
         world.directions @ turn.T,
         world.plan,
+        opt.site,
     )
 
 
@@ -305,13 +341,13 @@ def _sway(rng: np.random.Generator, frames: int, most_m: float) -> Float:
     return np.outer(swing, [math.cos(bearing), math.sin(bearing), 0.0])
 
 
-def _distance(world: _World, point: Float) -> float:
+def _distance(world: World, point: Float) -> float:
     query = _tensor(np.asarray(point, np.float32)[None])
     return float(world.scene.compute_distance(query, nthreads=1).numpy()[0])
 
 
 def _cast(
-    world: _World, origin: Float, rays: Float, rng: np.random.Generator, opt: SceneOptions
+    world: World, origin: Float, rays: Float, rng: np.random.Generator, opt: SceneOptions
 ) -> tuple[Float, Array]:
     """Return measured ranges of detected pulses and their indices among the rays."""
     n = len(rays)
@@ -345,7 +381,7 @@ def _cast(
 
 
 def _mix_edges(
-    world: _World, packed: Array, t: Float, ranges: Float, rng: np.random.Generator
+    world: World, packed: Array, t: Float, ranges: Float, rng: np.random.Generator
 ) -> Float:
     """Pulses split by an edge return a range between the two surfaces, at times."""
     beside = packed.copy()

@@ -40,6 +40,9 @@ def row(trials: Sequence[Trial]) -> Row:
         "success_5": float((size <= 5).sum()) / n if n else None,
         "success_1": hits / n if n else None,
         "success_1_low": _wilson_low(hits, n),
+        "failed_5": n - int((size <= 5).sum()),
+        "looks_mean": _mean(np.array([t.looks for t in trials], np.float64)),
+        "phase_p95_s": _percentile(np.array([t.phase_s for t in trials if t.phase_s]), 95),
         "ms_median": _percentile(1e3 * np.array([t.seconds for t in trials]), 50),
         "ms_p95": _percentile(1e3 * np.array([t.seconds for t in trials]), 95),
     }

@@ -39,10 +39,21 @@ class Trial:
     normal_deg: float | None = None
     pitch_errors_deg: tuple[float | None, ...] = ()
     reference: str = ""
+    site: str = ""
+    looks: int = 1
+    phase_s: float | None = None
+    """Flown from the first look to the last estimate, where a loop was flown."""
 
 
-def ours(seed: int, scene: AngleScene, *, prior_error_m: float, known: bool = False) -> Trial:
-    """Answer by the joint fit."""
+def ours(
+    seed: int,
+    scene: AngleScene,
+    *,
+    prior_error_m: float,
+    known: bool = False,
+    answers: list[Rotor] | None = None,
+) -> Trial:
+    """Answer by the joint fit; ``answers`` is given the rotor where there is one."""
     start = time.thread_time()  # of the processor: other work on the machine does not count
     answer = fit_rotor(
         scene.points_w,
@@ -55,6 +66,8 @@ def ours(seed: int, scene: AngleScene, *, prior_error_m: float, known: bool = Fa
         prior_sigma_m=prior_error_m + PRIOR_MARGIN_M,
     )
     took = time.thread_time() - start
+    if answers is not None and isinstance(answer, Rotor):
+        answers.append(answer)
     return _judged(_blank(seed, scene, took), scene, answer)
 
 
@@ -96,7 +109,8 @@ def windowed(scene: AngleScene, window_deg: float) -> AngleScene:
 
 
 def _blank(seed: int, scene: AngleScene, seconds: float) -> Trial:
-    return Trial(seed, scene.plan.model, float(np.median(scene.pitch_deg)), seconds)
+    pitch_deg = float(np.median(scene.pitch_deg))
+    return Trial(seed, scene.plan.model, pitch_deg, seconds, site=scene.site)
 
 
 def _of(seed: int, scene: AngleScene, answer: Callable[[], Outcome]) -> Trial:

@@ -38,6 +38,9 @@ def ring_offsets(normal_w: Float, radius_m: float, step_m: float) -> Float:
 def search_rings(
     grid: GridMap, centres_w: Float, normal_w: Float, radius_m: float, step_m: float
 ) -> tuple[Float, NDArray[np.bool_]]:
-    """Return all ring points (N, M, 3) and whether each falls into an occupied cell (N, M)."""
-    points = centres_w[:, None, :] + ring_offsets(normal_w, radius_m, step_m)[None, :, :]
-    return points, grid.occupied(points)
+    """Return the ring (M, 3) about the origin, and which of its points are occupied (N, M).
+
+    ``centres_w``: (N, 3), Q_s; a point is occupied where it falls into an occupied cell.
+    """
+    offsets = ring_offsets(normal_w, radius_m, step_m)
+    return offsets, grid.occupied_on_rings(centres_w, offsets)

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.values import Float
+from perception.voxel_hash import compiled
 
 HYPOTHESES = 256
 #: Hypotheses are judged on at most this many points; the refinement uses all.
-JUDGES = 1500
+JUDGES = 1000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,8 +58,7 @@ def fit_rotor_plane(
         return None
     normals = normals[usable] / size[usable, None]
     offsets = np.einsum("ij,ij->i", normals, triples[usable, 0])
-    near = np.abs(judges @ normals.T - offsets) < threshold_m
-    best = int(np.argmax(near.sum(axis=0)))
+    best = int(_most_supported(judges, normals, offsets, threshold_m))
     normal, offset = normals[best], float(offsets[best])
 
     inlier = np.abs(points_w @ normal - offset) < threshold_m
@@ -74,3 +74,18 @@ def fit_rotor_plane(
     if normal @ (centre - viewpoint_w) < 0:
         normal = -normal
     return RotorPlane(centre, normal, int(inlier.sum()))
+
+
+@compiled
+def _most_supported(judges: Float, normals: Float, offsets: Float, threshold: float) -> int:
+    """Return which plane has the most judges (N, 3) near it."""
+    best, most = 0, -1
+    for k in range(len(normals)):
+        count = 0
+        a, b, c, d = normals[k, 0], normals[k, 1], normals[k, 2], offsets[k]
+        for n in range(len(judges)):
+            off = judges[n, 0] * a + judges[n, 1] * b + judges[n, 2] * c - d
+            count += -threshold < off < threshold
+        if count > most:
+            best, most = k, count
+    return best

@@ -25,7 +25,7 @@ from perception.fermat_point import (
     fermat_hub,
 )
 from perception.geometry import stop_angle_difference_deg
-from perception.grid_map import GridMap
+from perception.grid_map import GridMap, Tube
 from perception.ring_search import search_points, search_rings
 from perception.rotor import (
     Blade,
@@ -44,6 +44,9 @@ DOWN_W: Float = np.array([0.0, 0.0, -1.0])
 NEAREST_M = 9.0
 #: Blades are looked for this far round the prior hub.
 REACH_M = 20.0
+#: Clouds that M_g is made of, and how far the hub may move before it is begun anew.
+MOST_CLOUDS = 8
+ANEW_M = 4.0
 #: Mean error of one pass as measured (and printed: 1.15 deg).
 SIGMA_DEG = 1.4
 #: Arms of a right triangle, as shares of the ring's radius: the hub lies inside the ring.
@@ -58,6 +61,8 @@ class FermatEstimator:
         self._settings = settings
         self._agree_deg = agree_deg
         self._grid: GridMap | None = None
+        self._clouds: list[tuple[Float, Float]] = []
+        self._first_hub_w: Float = np.zeros(3)
         self._last: Rotor | None = None
         self.iterations = 0
         self.converged = False
@@ -89,8 +94,7 @@ class FermatEstimator:
         if plane is None:
             return self._refuse(RefusalCode.NO_PLANE, "no upright plane holds the points")
         hub_before = self._hub_before(prior_hub_w)
-        grid = self._fused(hub_before, points, origins)
-        found = self._search(grid, hub_before, plane.normal_w, viewpoint)
+        found = self._search(hub_before, plane.normal_w, viewpoint, points, origins)
         if isinstance(found, Refusal):
             return self._refuse(found.code, found.text)
         return self._accept(found, plane.normal_w, down_w, reference, stamp_s, len(points))
@@ -112,18 +116,28 @@ class FermatEstimator:
             return np.asarray(prior_hub_w, np.float64)
         return last.hub_w
 
-    def _fused(self, hub_w: Float, points: Float, origins: Float) -> GridMap:
-        """Fuse the cloud into M_g, begun anew where the hub has moved out of its middle."""
+    def _fused(self, tube: Tube, hub_w: Float, points: Float, origins: Float) -> GridMap:
+        """Return M_g with this cloud and those before it, in the cells that rings can meet.
+
+        The rings move with the hub from pass to pass, so earlier clouds are fused anew.
+        """
+        if self._clouds and float(np.abs(self._first_hub_w - hub_w).max()) > ANEW_M:
+            self._clouds.clear()
+        if not self._clouds:
+            self._first_hub_w = hub_w
+        self._clouds = [*self._clouds[1 - MOST_CLOUDS :], (points, origins)]
         grid = self._grid
-        if grid is None or float(np.abs(grid.centre_w - hub_w).max()) > 4.0:
+        if grid is None:
             half_m = self._settings.ring_radius_m + 10.0
             grid = GridMap(hub_w, half_m=half_m, resolution_m=self._settings.voxel_m)
-        grid.fuse(points, origins)
+        grid.restart(hub_w)
+        for cloud in self._clouds:
+            grid.fuse(*cloud, tube)
         self._grid = grid
         return grid
 
     def _search(
-        self, grid: GridMap, hub_w: Float, normal_w: Float, viewpoint_w: Float
+        self, hub_w: Float, normal_w: Float, viewpoint_w: Float, points_w: Float, origins_w: Float
     ) -> FermatHub | Refusal:
         """Search rings until one is cut by three blades (Algorithm 1, lines 4 to 14)."""
         settings = self._settings
@@ -131,12 +145,20 @@ class FermatEstimator:
         centres = search_points(
             hub_w - before_m * normal_w, normal_w, settings.search_step_m, settings.search_count
         )
-        points, occupied = search_rings(
+        tube = Tube(
+            centres[0],
+            normal_w,
+            settings.search_step_m * settings.search_count,
+            settings.ring_radius_m,
+            2.0 * settings.voxel_m,
+        )
+        grid = self._fused(tube, hub_w, points_w, origins_w)
+        ring, occupied = search_rings(
             grid, centres, normal_w, settings.ring_radius_m, settings.ring_step_m
         )
         most = 0
         for depth in np.flatnonzero(occupied.sum(axis=1) >= 3):
-            cells = grid.cell_centres(points[depth, occupied[depth]])
+            cells = grid.cell_centres(centres[depth] + ring[occupied[depth]])
             groups = cluster_bri(
                 cells, eps_m=settings.cluster_eps_m, min_samples=settings.cluster_min_samples
             )

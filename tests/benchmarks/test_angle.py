@@ -5,7 +5,20 @@ import json
 import pytest
 from typer.testing import CliRunner
 
-from benchmarks.angle import Table, measure, one
+from benchmarks.angle import (
+    ACTIVE,
+    MODELS,
+    OURS,
+    PAPER,
+    PASSIVE,
+    VISION,
+    Table,
+    measure,
+    on_a_site,
+    one,
+)
+from benchmarks.angle_active import fly_estimate
+from benchmarks.angle_goals import goals
 from benchmarks.angle_scenes import SceneOptions, make_scene
 from benchmarks.angle_summary import row, strata
 from benchmarks.angle_trials import Trial, windowed
@@ -58,15 +71,47 @@ def test_a_window_keeps_what_lies_ahead():
     assert len(narrow.origins_w) == len(narrow.points_w)
 
 
-def test_scenes_are_counted_as_they_are_done():
+def test_scenes_and_loops_are_counted_as_they_are_done():
     table = Table()
-    assert list(measure(table, 1, 5, effects=False)) == [1]
-    assert len(table.trials["vision: Hough and vote (our reading), one picture"]) == 1
+    assert list(measure(table, 1, 5, effects=False, active=1)) == [1, 2]
+    assert len(table.trials[VISION]) == 1
+    assert len(table.trials[PASSIVE]) == len(table.trials[ACTIVE]) == 1
+
+
+def test_every_model_stands_on_every_site():
+    placed = [on_a_site(SceneOptions(), k) for k in range(50)]
+    assert len({(options.models, options.site) for options in placed}) == 50
+    assert len(MODELS) == 10
+
+
+def test_the_loop_recentres_until_estimates_agree():
+    first, last = fly_estimate(6, SceneOptions(prior_error_m=(12.0, 15.0)))
+    assert last.error_deg is not None
+    assert abs(last.error_deg) < 1.5
+    assert last.looks >= 3
+    assert last.phase_s is not None
+    assert last.phase_s > 3.0
+    assert first.looks == 1
+
+
+def test_goals_tell_what_was_reached_and_what_was_not():
+    table = Table()
+    for k in range(100):
+        table.add(OURS, _trial(0.3 if k else 2.0, sigma=0.3))
+    told = {goal.what: goal for goal in goals(table)}
+    assert told["ours: refused"].met is True
+    assert told["ours: mean"].met is False
+    assert told["ours: within 1 deg"].measured == pytest.approx(0.99)
+    assert told["the paper's method: mean"].met is None
+    assert told["ours: within 1 sigma"].met is False
 
 
 def test_the_command_prints_one_json_object():
-    result = CliRunner().invoke(app, ["angle", "--trials", "1", "--no-effects", "--json"])
+    arguments = ["angle", "--trials", "1", "--no-effects", "--active", "0", "--processes", "1"]
+    result = CliRunner().invoke(app, [*arguments, "--json"])
     assert result.exit_code == 0, result.output
     told = json.loads(result.stdout)
     assert told["seeds"] == [1000, 1000]
-    assert "fermat, 60 deg window, 1 s" in told["rows"]
+    assert PAPER in told["rows"]
+    assert told["sites"]["fields"][OURS]["trials"] == 1
+    assert len(told["goals"]) > 20

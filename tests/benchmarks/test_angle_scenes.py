@@ -9,6 +9,7 @@ import pytest
 
 import perception
 from benchmarks.angle_scenes import SceneOptions, make_scene
+from benchmarks.angle_sites import Site
 from benchmarks.blade_family import DRAWN, draw_planform, published_models
 from perception.rotor import angle_of
 
@@ -37,6 +38,15 @@ def test_families_are_published_planforms_and_freely_drawn_ones():
     assert prebend.min() < 0.005
     assert prebend.max() > 0.045
     assert 0.4 < np.mean([p.world_sections for p in plans]) < 0.6
+
+
+def test_sites_leave_the_turbine_alone_and_change_what_is_behind_it():
+    field = make_scene(5)
+    ridge = make_scene(5, SceneOptions(site=Site.RIDGE))
+    coast = make_scene(5, SceneOptions(site=Site.COAST))
+    assert field.stop_angle_deg == ridge.stop_angle_deg == coast.stop_angle_deg
+    assert len(ridge.points_w) > 1.05 * len(field.points_w)
+    assert coast.points_w[:, 2].min() > 0.5
 
 
 def test_pitch_follows_the_field_mix():

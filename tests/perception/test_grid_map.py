@@ -2,7 +2,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from perception.grid_map import GridMap
+from perception.grid_map import GridMap, Tube
+from perception.ring_search import search_points, search_rings
 
 
 def grid(half_m=5.0):
@@ -60,3 +61,29 @@ def test_cells_are_named_once():
     one = grid()
     points = np.array([[0.05, 0.05, 0.05], [0.15, 0.1, 0.19], [0.25, 0.05, 0.05]])
     np.testing.assert_allclose(one.cell_centres(points), [[0.1, 0.1, 0.1], [0.3, 0.1, 0.1]])
+
+
+def test_cells_that_rings_meet_are_the_same_where_only_their_tube_is_walked():
+    rng = np.random.default_rng(4)
+    axis = np.array([0.2, 0.97, -0.1]) / np.linalg.norm([0.2, 0.97, -0.1])
+    drone = np.array([-3.0, -15.0, 2.0])
+    whole, part = (GridMap(np.zeros(3), half_m=12.0, resolution_m=0.2) for _ in range(2))
+    centres = search_points(-6.0 * axis, axis, 0.2, 60)
+    tube = Tube(centres[0], axis, 12.0, 5.0, 0.4)
+    part.fuse(rng.uniform(-5, 5, (50, 3)), drone)  # of a map that is begun anew
+    part.restart(np.zeros(3))
+    for _ in range(3):
+        cloud = rng.normal(0, 1, (4000, 3)) * (6.0, 3.0, 6.0)
+        whole.fuse(cloud, drone)
+        part.fuse(cloud, drone, tube)
+    _, expected = search_rings(whole, centres, axis, 5.0, 0.1)
+    _, found = search_rings(part, centres, axis, 5.0, 0.1)
+    assert expected.sum() > 50
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_a_map_begun_anew_knows_nothing():
+    one = grid()
+    one.fuse(np.array([[0.1, 0.1, 0.1]]), np.array([-10.0, 0.1, 0.1]))
+    one.restart(np.zeros(3))
+    assert not one.occupied(np.array([0.1, 0.1, 0.1]))

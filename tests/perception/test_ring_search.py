@@ -30,6 +30,7 @@ def test_an_occupied_cell_on_the_ring_is_found():
     grid = GridMap(np.zeros(3), half_m=10.0, resolution_m=0.2)
     grid.fuse(np.array([[8.0, 0.1, 0.1]]), np.array([8.0, -20, 0]))
     centres = search_points(np.array([0, -3.0, 0]), np.array([0, 1.0, 0]), 0.2, 30)
-    points, occupied = search_rings(grid, centres, np.array([0, 1.0, 0]), 8.0, 0.1)
+    ring, occupied = search_rings(grid, centres, np.array([0, 1.0, 0]), 8.0, 0.1)
     assert occupied.any()
+    points = centres[:, None, :] + ring
     np.testing.assert_allclose(points[occupied], [[8.0, 0.1, 0.1]] * occupied.sum(), atol=0.3)
