@@ -6,10 +6,14 @@
 BIN := .venv/bin
 SCENARIO ?= demo
 PYTEST_ARGS ?=
+FAULTS ?=
+FUZZ_S ?= 60
+SOAK_MEMORY ?= 20
+SOAK_WIRE ?= 2
 export PYTHON
 
 .DEFAULT_GOAL := help
-.PHONY: help env mission test lint format lock image clean
+.PHONY: help env mission test faults safety fuzz mutants soak lint format lock image clean
 
 help: ## show the targets
 	@sed -n 's/^\([a-z]*\):.*## /make \1\t/p' Makefile | expand -t 16
@@ -28,6 +32,24 @@ lint: env ## format, lint, types, import layers
 
 test: lint ## lint, then the whole test suite
 	$(BIN)/pytest $(PYTEST_ARGS)
+
+faults: env ## the long cases of the fault table: real processes, many draws (FAULTS=name picks)
+	$(BIN)/pytest -m faults tests/faults --figures tests/faults/measured.json -k "$(FAULTS)"
+	$(BIN)/python -m tests.faults.safety
+
+safety: env ## measure the quick cases anew and render SAFETY.md
+	$(BIN)/pytest tests/faults/test_faults.py -k it_is_noticed --figures tests/faults/measured.json
+	$(BIN)/python -m tests.faults.safety
+
+fuzz: env ## fuzz everything that parses outside bytes, guided by coverage (FUZZ_S=60 a target)
+	$(BIN)/python -m tests.faults.fuzzing --seconds $(FUZZ_S)
+
+mutants: env ## mutate the guard; its tests must notice each mutant
+	$(BIN)/python -m tests.faults.mutants
+	$(BIN)/python -m tests.faults.safety
+
+soak: env ## missions one after the other, in memory and on the wire; goes on where it was left
+	$(BIN)/python -m tests.faults.soak --memory $(SOAK_MEMORY) --wire $(SOAK_WIRE)
 
 format: env ## rewrite the sources in the house format
 	$(BIN)/ruff format .

@@ -93,6 +93,8 @@ class VehicleReading:
     satellites: int | None = None
     rc_link: bool | None = None
     """A radio-control receiver is present and healthy."""
+    intended: VehicleMode | None = None
+    """What somebody last asked for, where the vehicle tells it: in a failsafe not the mode."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,6 +138,7 @@ class VehicleState:
         self._armed = False
         self._heartbeat_s = _NEVER
         self._mode = (VehicleMode.UNKNOWN, _NEVER)
+        self._intended: VehicleMode | None = None
         self._landed_state = 0
         self._battery: tuple[float, float] | None = None
         self._has_battery_status = False
@@ -205,6 +208,7 @@ class VehicleState:
             gps_eph_m=gps_eph_m,
             satellites=satellites,
             rc_link=self._rc_link,
+            intended=self._intended,
         )
 
     def texts(self) -> tuple[StatusText, ...]:
@@ -242,6 +246,9 @@ class VehicleState:
 
     def _take_current_mode(self, message: Received) -> None:
         self._mode = (mode_of(message.integer("custom_mode")), self._arrival_s(message))
+        # Zero: not known.
+        intended = message.integer("intended_custom_mode")
+        self._intended = mode_of(intended) if intended else None
 
     def _take_position(self, message: Received) -> None:
         north_up = (message.number("x"), message.number("y"), message.number("z"))

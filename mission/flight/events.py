@@ -46,6 +46,7 @@ class Event(StrEnum):
     POSITION_STALE = "position_stale"
     POSITION_JUMP = "position_jump"
     FRAME_RESET = "frame_reset"
+    OWN_SILENCE = "own_silence"
     WIND_STRONG = "wind_strong"
     BATTERY_UNKNOWN = "battery_unknown"
     BATTERY_RESERVE = "battery_reserve"
@@ -90,6 +91,9 @@ POLICY: dict[Event, Policy] = {
     Event.POSITION_JUMP: Policy(_R.HOLD, "the autopilot's position jumped: holding"),
     Event.FRAME_RESET: Policy(
         _R.RELEASE, "the autopilot moved its local frame: handing over in its own hold", True
+    ),
+    Event.OWN_SILENCE: Policy(
+        _R.HOLD, "our own control stood still: the autopilot holds, asking for it again"
     ),
     Event.WIND_STRONG: Policy(_R.RETURN, "wind above the limit: leaving the rotor", True),
     Event.BATTERY_UNKNOWN: Policy(_R.RETURN, "no battery telemetry: counted as low", True),

@@ -17,7 +17,14 @@ from mission.flight.events import POLICY, Event, EventRecord, Reaction, arbitrat
 from mission.flight.flight import Flight, Intent, PhaseStep
 from mission.flight.guard import Airspace
 from mission.flight.ledger import Ledger, PhotoStatus
-from mission.flight.observation import FlightMode, Observation, Request, RequestKind, Vec3
+from mission.flight.observation import (
+    FlightMode,
+    Observation,
+    Request,
+    RequestKind,
+    Vec3,
+    Vehicle,
+)
 from mission.flight.phases.approach import Approach
 from mission.flight.phases.ascend import Ascend
 from mission.flight.phases.hold import Hold, Idle, Released
@@ -77,6 +84,11 @@ class Machine:
         return self._flight.state
 
     @property
+    def engaged(self) -> bool:
+        """Whether the vehicle is flown by our setpoints."""
+        return self._flight.engaged
+
+    @property
     def plan(self) -> Plan | None:
         """What is flown, once the rotor was measured."""
         return self._flight.plan
@@ -122,8 +134,7 @@ class Machine:
         flight.observation = observation
         self._photos(observation)
         self._released_by_mode()
-        forced = self._requests(observation) or self._events_of_tick()
-        intent = forced or self._stepped()
+        intent = self._decided(observation)
         if intent.then is not None:
             self._enter(intent.then)
         over = flight.state not in {MissionState.RUNNING, MissionState.PAUSED}
@@ -135,6 +146,16 @@ class Machine:
         flight.records.clear()
         self._events.extend(records)
         return command, records
+
+    def _decided(self, observation: Observation) -> Intent:
+        """Let requests, then a gap of our own, then the worst event, then the phase decide."""
+        forced = self._requests(observation)
+        waits = self._silenced()
+        if forced is None and waits is not None and waits.then is not None:
+            return waits
+        intent = forced or self._events_of_tick() or waits or self._stepped()
+        # Until the mode was read, nothing that is decided may be sent.
+        return intent if waits is None else replace(intent, setpoint=None)
 
     def _stepped(self) -> Intent:
         if self._flight.observation.vehicle is None and not isinstance(
@@ -243,6 +264,8 @@ class Machine:
             if not vehicle.in_air:
                 # Before the climb the mode is still whatever it was on the ground.
                 return
+            if _regains(self._phase) and self._asked_by_others(vehicle):
+                allowed = {FlightMode.OFFBOARD}
         if isinstance(self._phase, Home | Landed):
             allowed |= {FlightMode.LAND}
             if flight.now_s - flight.land_asked_s < MODE_CHANGE_S:
@@ -251,7 +274,41 @@ class Machine:
                 return
         if vehicle.mode in allowed or (flight.engaged and vehicle.mode_stamp_s < flight.engaged_s):
             return
+        if flight.engaged and self._failsafe_of_our_silence():
+            return
         flight.raised.add(Event.PILOT_TOOK_OVER)
+
+    def _failsafe_of_our_silence(self) -> bool:
+        """Return whether the autopilot holds because it heard nothing of us, and nobody else.
+
+        It does when our own clock knows of a gap long enough and where, as far as the vehicle
+        tells, nobody has asked for another mode since.
+        """
+        silent, vehicle = self._flight.observation.silent, self._flight.vehicle
+        held = silent is not None and vehicle.mode is FlightMode.HOLD
+        return held and not self._asked_by_others(vehicle)
+
+    def _asked_by_others(self, vehicle: Vehicle) -> bool:
+        """Return whether the vehicle tells that somebody has asked for another mode than ours."""
+        return vehicle.intended not in {None, FlightMode.UNKNOWN, FlightMode.OFFBOARD}
+
+    def _silenced(self) -> Intent | None:
+        """After a gap of our own: read the mode, and only then go on or ask for offboard again."""
+        flight, phase = self._flight, self._phase
+        silent, vehicle = flight.observation.silent, flight.observation.vehicle
+        if silent is None or vehicle is None or not flight.engaged:
+            return None
+        if vehicle.mode_stamp_s < silent.read_after_s:
+            return Intent("our own control stood still: reading the mode first")
+        if not self._failsafe_of_our_silence():
+            return None
+        policy = POLICY[Event.OWN_SILENCE]
+        flight.note(Event.OWN_SILENCE, policy.words, policy.reaction)
+        flight.engaged = False
+        flight.follower.stop()
+        again = Engage(_inner(phase), after_silence=True)
+        paused = isinstance(phase, Hold) and phase.paused
+        return Intent(policy.words, then=Hold(again, policy.words, paused=paused))
 
     # --- requests -------------------------------------------------------------------------
 
@@ -282,7 +339,7 @@ class Machine:
                 return None
             self._ending(MissionState.ENDED_SAFELY, "aborted by the operator")
             if not flight.engaged:
-                return self._land("aborted: landing")
+                return self._home_without_control("aborted: landing")
             return self._hold_then(StandOff(Home()), "aborted: holding, then leaving")
         if request.kind is RequestKind.PAUSE:
             flight.state = MissionState.PAUSED
@@ -358,21 +415,23 @@ class Machine:
     def _react(self, reaction: Reaction, event: Event, active: set[Event]) -> Intent | None:
         phase, words = self._phase, POLICY[event].words
         if reaction is Reaction.RELEASE:
-            if event is Event.LINK_LOST:
-                self._ending(MissionState.FAILED, words)
-            return self._release(words, ask_hold=event is Event.FRAME_RESET)
+            failed = event is Event.LINK_LOST
+            return self._release(words, ask_hold=event is Event.FRAME_RESET, failed=failed)
+        if reaction is Reaction.LAND and _regains(phase):
+            # Beside the rotor the autopilot's hold is better than its landing.
+            return self._release(words)
         if reaction is Reaction.LAND:
             self._ending(OUTCOME.get(event, MissionState.ENDED_SAFELY), words)
             return self._land(words)
         if isinstance(phase, Takeoff | Engage):
             return None
-        inner = phase.then if isinstance(phase, Hold) else phase
+        inner = _inner(phase)
         leaving = isinstance(inner, LEAVING)
         if reaction is Reaction.RETURN and not self._going_home(inner):
             self._flight.rotor_open = self._flight.rotor_open and event is not Event.ROTOR_TURNING
             self._ending(OUTCOME.get(event, MissionState.ENDED_SAFELY), words)
             if not self._flight.engaged:
-                return self._land(words)
+                return self._home_without_control(words)
             return self._hold_now(words, StandOff(Home()))
         if reaction is Reaction.STAND_OFF and not leaving:
             return self._hold_now(words, self._measure_again())
@@ -381,10 +440,16 @@ class Machine:
             holding &= HOLDS_EVERYWHERE
         if not holding:
             return None
+        # After a silence of the link nothing is resumed but by an operator.
+        paused = Event.LINK_SILENT in holding and not leaving
+        if paused:
+            self._flight.state = MissionState.PAUSED
         if isinstance(phase, Hold):
             phase.disturbed()
+            if paused and not phase.paused:
+                phase.pause(words)
             return None
-        return self._hold_then(phase, words)
+        return self._hold_then(phase, words, paused=paused)
 
     def _going_home(self, phase: PhaseStep) -> bool:
         return isinstance(phase, Home | Landed | Released) or (
@@ -406,10 +471,17 @@ class Machine:
         hold = Hold(then, words, paused=paused)
         if not self._flight.engaged:
             # The autopilot flies the take-off: it holds, and offboard is asked for afterwards.
-            hold = Hold(Engage(Ascend()), words, paused=paused)
+            engage = then if isinstance(then, Engage) and then.after_silence else Engage(Ascend())
+            hold = Hold(engage, words, paused=paused)
             return Intent(words, action=Action.HOLD, then=hold)
         intent = hold.step(self._flight)
         return replace(intent, then=hold)
+
+    def _home_without_control(self, words: str) -> Intent:
+        """End where the autopilot flies: near the rotor only after control was taken up again."""
+        if not _regains(self._phase):
+            return self._land(words)
+        return Intent(words, then=Hold(Engage(StandOff(Home()), after_silence=True), words))
 
     def _land(self, words: str) -> Intent:
         """Land where the vehicle is, by the autopilot; on the ground, disarm."""
@@ -419,13 +491,14 @@ class Machine:
         action = Action.LAND if flown else Action.DISARM
         return Intent(words, action=action, then=Landed(flown=flown))
 
-    def _release(self, words: str, *, ask_hold: bool = False) -> Intent:
+    def _release(self, words: str, *, ask_hold: bool = False, failed: bool = False) -> Intent:
         flight, phase = self._flight, self._phase
-        inner = phase.then if isinstance(phase, Hold) else phase
+        inner = _inner(phase)
         again = None if isinstance(inner, Landed) else inner
         flight.engaged = False
         flight.state = MissionState.RELEASED
-        if flight.outcome is MissionState.FAILED:
+        if failed:
+            flight.outcome, flight.outcome_words = MissionState.FAILED, words
             flight.state, again = MissionState.FAILED, None
         flight.outcome_words = flight.outcome_words or words
         flight.follower.stop()
@@ -437,6 +510,21 @@ class Machine:
         if flight.outcome is None:
             flight.outcome, flight.outcome_words = outcome, words
             flight.note("ending", words)
+
+
+def _inner(phase: PhaseStep) -> PhaseStep:
+    """Return what goes on after a hold, and after control was taken up again."""
+    if isinstance(phase, Hold):
+        phase = phase.then
+    if isinstance(phase, Engage) and phase.after_silence:
+        return phase.then
+    return phase
+
+
+def _regains(phase: PhaseStep) -> bool:
+    """Return whether control is being taken up again after a gap of our own."""
+    inner = phase.then if isinstance(phase, Hold) else phase
+    return isinstance(inner, Engage) and inner.after_silence
 
 
 class Remeasure:

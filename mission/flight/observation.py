@@ -53,6 +53,8 @@ class Vehicle:
     """The autopilot says that it may be armed."""
     reset_count: int = 0
     """Counts jumps of the autopilot's local frame (estimator resets)."""
+    intended: FlightMode | None = None
+    """What somebody last asked for, where the autopilot tells it: in a failsafe not the mode."""
     latitude_deg: float | None = None
     longitude_deg: float | None = None
     altitude_m: float | None = None
@@ -237,6 +239,16 @@ class PreflightItem:
 
 
 @dataclass(frozen=True, slots=True)
+class Silence:
+    """A gap in our own stream of setpoints, as our own clock knows it, not closed yet."""
+
+    from_s: float
+    """When the last setpoint left."""
+    read_after_s: float
+    """A mode reported from then on is what the autopilot has made of the gap."""
+
+
+@dataclass(frozen=True, slots=True)
 class Observation:
     """Newest of everything at a tick."""
 
@@ -259,7 +271,8 @@ class Observation:
     """Text of the last refused arm, take-off or offboard command."""
     sensing_alive: bool = True
     late_s: float = 0.0
-    """How late this tick is; the shell drops setpoints of late ticks."""
+    """How late this tick began."""
+    silent: Silence | None = None
     notes: tuple[str, ...] = field(default=())
     guard_refused: str = ""
     """Why the guard replaced the setpoint of the tick before; empty: it did not."""

@@ -19,6 +19,9 @@ LINK_S = (1.0, 3.0, 10.0)
 HEARTBEAT_EXTRA_S = 1.0
 POSITION_STALE_S = 0.5
 JUMP_M = 1.5
+#: A slower run-off is told over this time: so far from what the velocity explains.
+RUN_OFF_S = 1.0
+RUN_OFF_M = 2.0
 WIND_MEAN_S = 5.0
 CAMERA_LOST_S = 10.0
 EXPOSURE_STALE_S = 2.0
@@ -35,6 +38,7 @@ class Watch:
         self._since: dict[str, float] = {}
         self._wind: deque[tuple[float, float]] = deque()
         self._last: Vehicle | None = None
+        self._astray: deque[tuple[float, float, float, float]] = deque()
         self._resets: int | None = None
         self._deaths: deque[float] = deque()
         self._alive = True
@@ -72,8 +76,9 @@ class Watch:
                 active.add(event)
         if now - vehicle.stamp_s > POSITION_STALE_S:
             active.add(Event.POSITION_STALE)
-        if self._last is not None and vehicle.stamp_s > self._last.stamp_s and flight.engaged:
-            step_s = vehicle.stamp_s - self._last.stamp_s
+        step_s = 0.0 if self._last is None else vehicle.stamp_s - self._last.stamp_s
+        # Over a gap nobody can tell a jump from a manoeuvre.
+        if self._last is not None and 0.0 < step_s < POSITION_STALE_S and flight.engaged:
             expected = [
                 p + step_s * (v + w) / 2
                 for p, v, w in zip(
@@ -82,13 +87,24 @@ class Watch:
             ]
             if math.dist(expected, vehicle.position_w) > JUMP_M + 0.5 * step_s:
                 active.add(Event.POSITION_JUMP)
+            off = [a - b for a, b in zip(vehicle.position_w, expected, strict=True)]
+            if self._runs_off(vehicle.stamp_s, off):
+                active.add(Event.POSITION_JUMP)
         if self._resets is not None and vehicle.reset_count != self._resets and flight.engaged:
             active.add(Event.FRAME_RESET)
         self._last, self._resets = vehicle, vehicle.reset_count
         active |= self._wind_events(flight, vehicle, now)
-        if flight.engaged:
+        # Where nothing at all is heard, that is the fault, and not the battery's.
+        if flight.engaged and silent <= LINK_S[0]:
             active |= self._battery(flight, vehicle, now)
         return active
+
+    def _runs_off(self, stamp_s: float, off: list[float]) -> bool:
+        """Return whether the position left, within a second, where its own velocity leads."""
+        self._astray.append((stamp_s, off[0], off[1], off[2]))
+        while stamp_s - self._astray[0][0] > RUN_OFF_S:
+            self._astray.popleft()
+        return math.hypot(*(sum(part[k] for part in self._astray) for k in (1, 2, 3))) > RUN_OFF_M
 
     def _wind_events(self, flight: Flight, vehicle: Vehicle, now: float) -> set[Event]:
         if vehicle.wind_w is None:

@@ -127,8 +127,10 @@ def vehicle_part(reading: VehicleReading | None) -> Vehicle | None:
     """Return the vehicle's part of the observation."""
     if reading is None:
         return None
-    values = {name: getattr(reading, name) for name in _VEHICLE_FIELDS if name != "mode"}
-    return Vehicle(mode=FlightMode(reading.mode), **values)
+    modes = ("mode", "intended")
+    values = {name: getattr(reading, name) for name in _VEHICLE_FIELDS if name not in modes}
+    intended = None if reading.intended is None else FlightMode(reading.intended)
+    return Vehicle(mode=FlightMode(reading.mode), intended=intended, **values)
 
 
 def gimbal_part(reading: GimbalReading | None) -> GimbalState | None:

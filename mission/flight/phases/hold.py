@@ -30,9 +30,9 @@ class Hold:
         """Whether an operator asked for it: only an operator ends it."""
         return self._paused
 
-    def pause(self) -> None:
+    def pause(self, words: str = "paused by the operator") -> None:
         """From now on only an operator ends this hold."""
-        self._paused, self._words = True, "paused by the operator"
+        self._paused, self._words = True, words
 
     def release(self, flight: Flight) -> None:
         """The operator lets it go on, once nothing else asks for a hold."""

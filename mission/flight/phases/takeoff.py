@@ -55,13 +55,26 @@ class Takeoff:
 class Engage:
     """Stream a hold for a second, ask for OFFBOARD, wait until the autopilot reports it."""
 
-    def __init__(self, then: PhaseStep, from_mode: FlightMode | None = None) -> None:
+    def __init__(
+        self,
+        then: PhaseStep,
+        from_mode: FlightMode | None = None,
+        *,
+        after_silence: bool = False,
+    ) -> None:
         self._then = then
+        self.after_silence = after_silence
+        """Control is taken up again after a gap of our own."""
         self._from_mode = from_mode
         self._begun_s: float | None = None
         self._asked_s: float | None = None
         self._tries = 0
         self._hold: Setpoint | None = None
+
+    @property
+    def then(self) -> PhaseStep:
+        """What is flown once the autopilot has taken up offboard control."""
+        return self._then
 
     @property
     def from_mode(self) -> FlightMode | None:
