@@ -50,10 +50,13 @@ def surveyed_turbines(
 
 def upright_places(points_w: Float) -> list[Float]:
     """Return up to six places (2,) of the ground plan that are hit at many heights, best first."""
-    low = np.quantile(points_w, 0.001, axis=0)
+    low = points_w.min(axis=0)
     steps = np.floor((points_w - low) / (CELL_M, CELL_M, RING_M)).astype(np.int64)
-    rings = np.unique(steps, axis=0)
-    cells, heights = np.unique(rings[:, :2], axis=0, return_counts=True)
+    _, deep, high = (steps.max(axis=0) + 1).tolist()
+    # One number a cell and ring: a table's rows take twenty times as long to sort.
+    rings = np.unique((steps[:, 0] * deep + steps[:, 1]) * high + steps[:, 2])
+    keys, heights = np.unique(rings // high, return_counts=True)
+    cells = np.stack([keys // deep, keys % deep], axis=1)
     places: list[Float] = []
     for k in np.argsort(-heights, kind="stable"):
         if heights[k] < MIN_RINGS or len(places) == MOST:

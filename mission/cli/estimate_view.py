@@ -49,6 +49,8 @@ def answer_table(path: Path, answer: CloudAnswer, question: Question) -> Table:
         angle = f"[bold green]{rotor.stop_angle_deg:.2f} deg[/] +- {rotor.sigma_deg:.2f}"
         table.add_row("stop angle", angle)
         table.add_row("", f"from straight down by {_REFERENCE[rotor.reference]}")
+        if answer.from_behind:
+            table.add_row("", "[yellow]seen from behind: coarser than from the front[/]")
         table.add_row("hub", f"{_numbers(rotor.hub_w, '.2f')} m (east, north, up)")
         table.add_row("normal", f"{_numbers(rotor.normal_w, '.4f')} (rotor to nacelle)")
         table.add_row("method", _METHOD[rotor.method])

@@ -26,6 +26,7 @@ def cloud_record(answer: CloudAnswer, notes: Sequence[str] = ()) -> dict[str, ob
         "dropped": answer.dropped,
         "looks": answer.looks,
         "spread_deg": answer.spread_deg,
+        "from_behind": answer.from_behind,
         "notes": list(notes),
     }
 

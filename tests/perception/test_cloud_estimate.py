@@ -138,6 +138,38 @@ def test_from_behind_no_angle_is_given(settings):
         assert told.rotor.code is RefusalCode.SIDE_UNKNOWN
 
 
+def climbed(turbine, behind=False):
+    """Return a cloud of looks from the ground to the hub, 25 m before (or behind) the tower."""
+    away = -turbine.normal_w * [1, 1, 0] if not behind else turbine.normal_w * [1, 1, 0]
+    aside = np.array([-away[1], away[0], 0.0])
+    clouds, origins, times = [], [], []
+    for k, height in enumerate(np.linspace(0.25, 1.0, 9) * turbine.hub_w[2]):
+        eye = 25.0 * away + 2.0 * aside + [0, 0, height]
+        points, _ = turbine.scan(eye, seconds=1.0, seed=k)
+        clouds.append(points)
+        origins.append(np.broadcast_to(eye, points.shape))
+        times.append(np.full(len(points), 5.0 * k))
+    return RecordedCloud(np.concatenate(clouds), np.concatenate(origins), np.concatenate(times))
+
+
+def test_a_small_rotor_of_unknown_size_is_found(synthetic_turbine):
+    turbine = synthetic_turbine("v27", scale=1.0, stop_angle_deg=50.0)
+    answer = estimate_cloud(climbed(turbine), Question())
+    assert not isinstance(answer.rotor, Refusal), answer.rotor
+    assert abs(stop_angle_difference_deg(answer.rotor.stop_angle_deg, 50.0)) < 1.5
+    assert not answer.from_behind
+
+
+def test_from_behind_the_ascent_tells_the_side_and_sigma_says_that_it_is_coarse(synthetic_turbine):
+    turbine = synthetic_turbine(stop_angle_deg=50.0)
+    answer = estimate_cloud(climbed(turbine, behind=True), Question())
+    assert not isinstance(answer.rotor, Refusal), answer.rotor
+    assert abs(stop_angle_difference_deg(answer.rotor.stop_angle_deg, 50.0)) < 5.0
+    assert answer.rotor.normal_w @ turbine.normal_w > 0.98
+    assert answer.from_behind
+    assert answer.rotor.sigma_deg >= 2.5
+
+
 @pytest.mark.parametrize("seed", [70016, 70032])
 @pytest.mark.parametrize("hub_known", [False, True])
 def test_a_blade_that_passes_for_a_short_tower_does_not_name_the_side(seed, hub_known):
