@@ -19,6 +19,7 @@ from config.inspection import (
 from config.links import Autopilot, Bus
 from config.model import ConfigModel
 from config.photos import Photos, Positioning
+from config.report import Report
 from config.sensors import Camera, Gimbal, Lidar
 from config.service import Service
 from config.simulation import Simulation
@@ -48,6 +49,7 @@ class Settings(ConfigModel):
     inspection: Inspection = Inspection()
     photos: Photos = Photos()
     positioning: Positioning = Positioning()
+    report: Report = Report()
     sites: tuple[Site, ...] = ()
     """The turbines that missions may be started for."""
     simulation: Simulation = Simulation()

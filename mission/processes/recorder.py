@@ -20,6 +20,7 @@ from config.sources import to_toml
 from drivers.bus import Bus, Key, Sample
 from mission.flight.observation import RequestKind
 from mission.processes.runtime import Runtime, run_process
+from mission.records.course import CourseKeeper
 from mission.records.files import CONFIG, EVENTS, RECORDING, write_whole
 from mission.records.photo_moment import PhotoHistory, PhotoMoment
 from mission.records.photo_record import PhotoRecord
@@ -51,6 +52,9 @@ class _Open:
     recording: Recording
     site: PhotoSite
     history: PhotoHistory
+    settings: Settings
+    """With what was asked for."""
+    course: CourseKeeper = field(default_factory=CourseKeeper)
     records: list[PhotoRecord] = field(default_factory=list)
     lost: dict[int, str] = field(default_factory=dict)
     missing: dict[int, PhotoTakenMessage] = field(default_factory=dict)
@@ -105,6 +109,7 @@ class Recorder:
         )
         try:
             mission.history.take(sample.key, sample.payload)
+            mission.course.take(sample.key, sample.payload)
         except ValueError as error:  # recorded as it came; a photo's place may be told less well
             log.warning("%s cannot be read: %s", sample.key, error)
         if sample.key == Key.EVENT:
@@ -125,6 +130,9 @@ class Recorder:
             return
         folder = Path(intent.mission_dir)
         settings = asked_settings(self._settings, intent.site, intent)
+        asked = settings.inspection.model_copy(
+            update={"blades": intent.blades, "sides": intent.sides}
+        )
         site = _site(settings, intent.site)
         recording = Recording(folder / RECORDING, settings, site.turbine)
         self._open = _Open(
@@ -133,6 +141,7 @@ class Recorder:
             recording,
             site,
             PhotoHistory(self._settings.positioning),
+            settings.model_copy(update={"inspection": asked}),
         )
         text = to_toml(settings)
         self._submit(lambda: write_whole(folder / CONFIG, text.encode()))
@@ -198,7 +207,8 @@ class Recorder:
                 report,
                 tuple(mission.records),
                 (*mission.lost.values(), *mission.recording.lost()),
-                self._settings,
+                mission.settings,
+                mission.course.course(),
             )
         except Exception as error:  # whatever it is, those who wait are told
             log.exception("the mission folder is not complete")

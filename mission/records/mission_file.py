@@ -11,6 +11,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from mission.records.course import Course
 from mission.records.files import MISSION
 
 Xyz = tuple[float, float, float]
@@ -194,6 +195,39 @@ class FaultPart(_Part):
     text: str
 
 
+class InspectionPart(_Part):
+    """Who inspected with what, as the settings told it."""
+
+    title: str = "Blade inspection"
+    company: str = ""
+    customer: str = ""
+    pilot: str = ""
+    drone: str = ""
+    camera: str = ""
+    picture: str = ""
+    lens: str = ""
+    time_zone: str = "UTC"
+    weather: str = ""
+    weather_source: str = ""
+    remarks: str = ""
+    closing: str = ""
+    blade_serials: dict[str, str] = Field(default_factory=dict)
+    wanted_distance_m: float | None = None
+    min_clearance_m: float | None = None
+    max_gsd_mm: float | None = None
+    blades: tuple[str, ...] = ()
+    sides: tuple[str, ...] = ()
+
+
+class ShapePart(_Part):
+    """The blade's outline by its length, as the catalogue has it."""
+
+    span: tuple[float, ...]
+    chord_m: tuple[float, ...]
+    thickness: tuple[float, ...]
+    pitch_axis: tuple[float, ...]
+
+
 class MissionFile(_Part):
     """The whole of mission.json, as far as it is shown."""
 
@@ -223,6 +257,10 @@ class MissionFile(_Part):
     timing: TimingPart
     faults: tuple[FaultPart, ...] = ()
     lost: tuple[str, ...] = ()
+    inspection: InspectionPart = InspectionPart()
+    blade_shape: ShapePart | None = None
+    course: Course | None = None
+    code: str = ""
     truth: TruthPart | None = None
     errors: ErrorsPart | None = None
 

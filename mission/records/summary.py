@@ -12,9 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
+from config.errors import ConfigError
+from config.presets import load_turbine
 from config.settings import Settings
 from mission.flight.observation import RotorEstimate
 from mission.flight.report import PassReport
+from mission.records.code_digest import code_digest
+from mission.records.course import Course
 from mission.records.files import (
     CONFIG,
     EVENTS,
@@ -41,10 +45,12 @@ def close_folder(
     records: Sequence[PhotoRecord],
     lost: Sequence[str],
     settings: Settings,
+    course: Course | None = None,
 ) -> None:
     """Write mission.json, photos.geojson, the manifest and the report of a finished mission."""
     records = sorted(records, key=lambda record: record.photo_id)
     mission = _mission(report, records, lost, settings)
+    mission["course"] = None if course is None else course.model_dump(mode="json")
     write_whole(folder / MISSION, json.dumps(mission, indent=1).encode())
     write_whole(folder / GEOJSON, json.dumps(_geojson(records)).encode())
     paths = [folder / record.file for record in records]
@@ -201,8 +207,48 @@ def _mission(
             if one.severity >= 1
         ],
         "lost": list(lost),
+        "inspection": _inspection(message.site, settings),
+        "blade_shape": _blade_shape(message.site, settings),
+        "code": code_digest(),
         "truth": None,
         "errors": None,
+    }
+
+
+def _inspection(site_name: str, settings: Settings) -> Json:
+    """Who inspected with what: as the settings tell it."""
+    told, camera = settings.report, settings.camera
+    serials = next((s.blade_serials for s in settings.sites if s.name == site_name), {})
+    lens = f"{camera.focal_length_mm:g} mm"
+    return {
+        **told.model_dump(mode="json", exclude={"templates", "logo", "lens"}),
+        "camera": " ".join(filter(None, (camera.maker, camera.model))),
+        "picture": f"{camera.width_px} x {camera.height_px} px, "
+        f"sensor {camera.sensor_width_mm:g} x {camera.sensor_height_mm:g} mm",
+        "lens": f"{told.lens}, {lens}" if told.lens else lens,
+        "blade_serials": dict(serials),
+        "wanted_distance_m": settings.tracking.distance_m,
+        "min_clearance_m": settings.guard.min_clearance_m,
+        "max_gsd_mm": settings.tracking.max_gsd_mm,
+        "blades": list(settings.inspection.blades),
+        "sides": list(settings.inspection.sides),
+    }
+
+
+def _blade_shape(site_name: str, settings: Settings) -> Json | None:
+    """The blade's outline as the catalogue has it, to draw what was seen on it."""
+    site = next((one for one in settings.sites if one.name == site_name), None)
+    if site is None:
+        return None
+    try:
+        blade = load_turbine(site.turbine, site.scale).blade
+    except ConfigError:
+        return None
+    return {
+        "span": list(blade.span),
+        "chord_m": list(blade.chord_m),
+        "thickness": list(blade.thickness),
+        "pitch_axis": list(blade.pitch_axis),
     }
 
 
