@@ -11,6 +11,7 @@ from collections import deque
 from dataclasses import dataclass
 from enum import StrEnum
 
+import cv2
 import numpy as np
 
 from drivers.simulated.camera_model import tone
@@ -20,6 +21,9 @@ from perception.values import Bytes, Float, Float32
 REFERENCE = 0.35
 TARGET_GREY = 135.0
 _TABLE = 4096
+#: Electrons at full scale of a small pixel; read noise before and after the amplifier, of 3 and 8.
+_FULL_WELL = 11000.0
+_READ_BEFORE, _READ_AFTER = 3.0 / _FULL_WELL, 8.0 / _FULL_WELL
 _TOP = 16.0
 #: From a setting's arrival to the word that it was taken, where the latency allows it.
 _CONFIRM_S = 0.03
@@ -101,6 +105,10 @@ class BenchCamera:
         wander = self.kind.wander_ev * math.sin(t_s / 1.9)
         return self.ev_at(t_s) + (self._automatic_ev or 0.0) + wander
 
+    def ev_for(self, radiance: float) -> float:
+        """Return the exposure, the automatic's part included, that renders a radiance at target."""
+        return math.log2(REFERENCE / max(radiance, 1e-6))
+
     def expose(self, radiance: Float32, t_s: float) -> Bytes:
         """Return the (H, W) picture at a time, and let the automatic see it."""
         if not self.kind.manual:
@@ -110,12 +118,20 @@ class BenchCamera:
     def develop(self, radiance: Float32, total_ev: float) -> Bytes:
         """Return the (H, W) picture at an exposure, with shot and read noise."""
         light = np.float32(self._gain * 2.0**total_ev) * radiance
-        # The amplifier comes before the shutter: noise grows with EV above 0.
+        # The amplifier comes before the shutter, and what is read before it is amplified too.
         amplified = 2.0 ** max(0.0, min(total_ev, 3.0))
-        sigma = np.sqrt(np.float32(9e-5 * amplified) * light + np.float32(2.5e-6 * amplified**2))
+        read = (_READ_BEFORE * amplified) ** 2 + _READ_AFTER**2
+        sigma = np.sqrt(np.float32(amplified / _FULL_WELL) * light + np.float32(read))
         noisy = light + sigma * self._rng.standard_normal(light.shape, dtype=np.float32)
         index = np.sqrt(np.clip(noisy, 0.0, _TOP)) * ((_TABLE - 1) / math.sqrt(_TOP))
         return np.asarray(self._lut[index.astype(np.int32)] + 0.5, np.uint8)
+
+    def photo(self, radiance: Float32, total_ev: float) -> Bytes:
+        """Return the (H, W) still at an exposure, through JPEG."""
+        packed = cv2.imencode(
+            ".jpg", self.develop(radiance, total_ev), (cv2.IMWRITE_JPEG_QUALITY, 90)
+        )[1]
+        return np.asarray(cv2.imdecode(packed, cv2.IMREAD_GRAYSCALE), np.uint8)
 
     def _meter(self, radiance: Float32, t_s: float) -> None:
         """Move the automatic, one frame behind, towards its own idea of the whole picture."""

@@ -31,7 +31,7 @@ from perception.metering import Metered
 CLIPPED = 0.03
 #: A picture all white is this much (EV) brighter than white at least, one all black darker.
 #: More would land darker than the range when it was only just white.
-BEYOND_WHITE_EV = 0.9
+BEYOND_WHITE_EV = 0.8
 BEYOND_BLACK_EV = 1.5
 #: The wish moves when another step is nearer by this share of a step.
 HYSTERESIS = 0.1
@@ -135,7 +135,9 @@ class PredictiveExposure:
                 # The darkest pixels are not clipped: how far they lie below the mean is known.
                 level = max(self.response.ev_at(metered.low_grey) - self._darkest_ev, mean_ev)
                 return level, (level, level) if metered.clipped < 0.5 else (mean_ev, math.inf)
-            return mean_ev + BEYOND_WHITE_EV * min(metered.clipped, 1.0), (mean_ev, math.inf)
+            # The curve's own end is the least known of it: reckoned from just below.
+            white_ev = min(mean_ev, self.response.ev_at(BRIGHT))
+            return white_ev + BEYOND_WHITE_EV * min(metered.clipped, 1.0), (white_ev, math.inf)
         if grey < DARK:
             return mean_ev - BEYOND_BLACK_EV * (1.0 - grey / DARK), (-math.inf, mean_ev)
         if metered.clipped < 0.002 and metered.low_grey > DARK:

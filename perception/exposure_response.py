@@ -6,7 +6,7 @@ Every rank is one equation E(after) - E(before) = change of EV on the curve E, a
 range at once, so that a single change tells most of the curve. Ranks need no registration: the
 drone may move between the two pictures.
 
-The curve begins as sRGB and gives way as far as the evidence reaches.
+The curve begins as sRGB with some contrast added and gives way as far as the evidence reaches.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ KNOTS: Float = np.array(
 )
 #: Grey that has EV 0: near the target, so that what is learned elsewhere does not move it.
 ANCHOR = 135.0
+#: Cameras add contrast to sRGB: by so much flatter at the white end, steeper in the shadows.
+SHOULDER, TOE = 0.6, 0.15
 #: Greys nearer to the ends than this are crushed or clipped and say nothing.
 DARK, BRIGHT = 6.0, 247.0
 #: Changes smaller than this (EV) drown in what else changes between two pictures.
@@ -43,8 +45,10 @@ class Response:
     """Inverse response E: grey to EV, learned."""
 
     def __init__(self) -> None:
-        """Start from the sRGB curve."""
-        nominal: Float = np.diff(_srgb_ev(KNOTS)).astype(np.float64)
+        """Start from the sRGB curve with some contrast added."""
+        middle = 0.5 * (KNOTS[1:] + KNOTS[:-1])
+        bent = np.interp(middle, (70.0, ANCHOR, 255.0), (1.0 - TOE, 1.0, 1.0 + SHOULDER))
+        nominal: Float = np.diff(_srgb_ev(KNOTS)).astype(np.float64) * bent
         self._nominal_ev = nominal
         self._widths_ev: Float = nominal.copy()
         size = len(nominal)

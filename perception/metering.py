@@ -130,6 +130,11 @@ def meter_outline(
     return _metered(grey[corner[1] : end[1], corner[0] : end[0]], mask.astype(bool))
 
 
+def meter_mask(grey: Bytes, mask: NDArray[np.bool_]) -> Metered | None:
+    """Return the metering of the pixels of a mask (H, W)."""
+    return _metered(grey, mask)
+
+
 def histogram_of(grey: Bytes) -> NDArray[np.int64]:
     """Return (256,) counts of a picture's greys, on a grid of its pixels."""
     thinned = grey[::_COUNTED_EVERY, ::_COUNTED_EVERY]

@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table as RichTable
 
 from mission.cli.bench_angle import angle, cell
+from mission.cli.bench_exposure import exposure
 from mission.cli.bench_latency import latency
 from mission.cli.bench_missions import missions
 from mission.cli.bench_vehicle import vehicle
@@ -25,6 +26,7 @@ def _bench() -> None:
 
 
 app.command("angle")(angle)
+app.command("exposure")(exposure)
 app.command("latency")(latency)
 app.command("vehicle")(vehicle)
 app.command("missions")(missions)

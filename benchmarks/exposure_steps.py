@@ -1,0 +1,155 @@
+"""Steps and ramps of the light: frames that show the blade out of range.
+
+The light of a whole look changes by 2 to 4 EV from one frame to the next, or by 3 EV over 30
+frames, from where the blade is exposed right. Before it, every method has the same 6 s of light
+with two changes, in which ours learns camera and latency.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.exposure_camera import REFERENCE, BenchCamera, CameraKind, Curve
+from benchmarks.exposure_methods import CHOICES, Maker
+from benchmarks.exposure_play import MAX_GREY, MIN_GREY, Player, Region
+from benchmarks.exposure_scene import Lighting, Looks, Shown, Surface
+from perception.exposure_response import BRIGHT
+from perception.values import Float, Float32
+
+LATENCIES_S = (0.05, 0.1, 0.2, 0.4)
+RATES_FPS = (10, 30)
+STEPS_EV = (2.0, -2.0, 3.0, -3.0, 4.0, -4.0)
+RAMPS_EV = (3.0, -3.0)
+RAMP_FRAMES = 30
+WIDTH_PX, HEIGHT_PX = 64, 48
+_PHASE_S, _AFTER_S = 2.0, 3.0
+#: More of the blade white than this is a clipped event.
+_CLIPPED = 0.03
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """A change of the light before one camera."""
+
+    change_ev: float
+    frames: int
+    """1: a step."""
+    kind: CameraKind
+    fps: int
+
+    @property
+    def name(self) -> str:
+        """Say what it is."""
+        shape = "step" if self.frames == 1 else "ramp"
+        return f"{shape} {abs(self.change_ev):g} EV"
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a method made of an event."""
+
+    event: Event
+    outside: int
+    """Frames out of range from the event on, unless the camera was at its end."""
+    answered: int
+    """Frames from the event to the first that its answer exposed: latency + 1."""
+    clipped: bool
+    beyond: int
+    """Frames out of range on the other side of the target: overshoot."""
+    restless: int
+    """Frames out of range in the last second: a limit cycle or an error that stays."""
+
+    @property
+    def within_goal(self) -> bool:
+        """Whether a step cost no more than (latency + 1) frames, twice that when clipped."""
+        return self.outside <= self.answered * (2 if self.clipped else 1)
+
+
+def events(seed: int) -> Iterator[Event]:
+    """Yield every event; tone curves take turns."""
+    curves = tuple(Curve)
+    count = seed
+    for manual in (True, False):
+        for fps in RATES_FPS:
+            for latency_s in LATENCIES_S:
+                shapes = [(ev, 1) for ev in STEPS_EV] + [(ev, RAMP_FRAMES) for ev in RAMPS_EV]
+                for change_ev, frames in shapes:
+                    count += 1
+                    kind = CameraKind(curves[count % 3], manual, latency_s)
+                    yield Event(change_ev, frames, kind, fps)
+
+
+def standing_look(looks: Looks, surface: Surface, seed: int) -> Shown:
+    """Return a small look whose blade has radiance `REFERENCE`, so that targets lie on steps."""
+    share = float(np.random.default_rng([seed, 0x57]).uniform(0.2, 0.7))
+    light = looks.light(surface, Lighting.OVERCAST, share)
+    shown = looks.show(surface, light, share, WIDTH_PX, HEIGHT_PX)
+    blade = shown.radiance[shown.blade]
+    scale = REFERENCE / float(np.exp(np.log(blade).mean()))
+    return Shown(np.asarray(shown.radiance * np.float32(scale), np.float32), shown.blade)
+
+
+def play(event: Event, make: Maker, shown: Shown, seed: int) -> Outcome:
+    """Put an event to a method."""
+    rng = np.random.default_rng([seed, 0x33])
+    player = Player(make(event.kind.manual), BenchCamera(event.kind, seed))
+    region = Region.of(shown.blade, float(rng.uniform(-1, 1)))
+    light_ev, first = _light(event)
+    for k, ev in enumerate(light_ev):
+        # The scene is never quite still: a vehicle hovers.
+        grain = rng.normal(0.0, 0.004)
+        radiance: Float32 = shown.radiance * np.float32(2.0 ** (ev + grain))
+        player.frame(radiance, region, k / event.fps)
+    return _outcome(event, player, first)
+
+
+def _light(event: Event) -> tuple[Float, int]:
+    """Return the light (EV) of every frame, and the event's first frame."""
+    before, size = -event.change_ev / 2, round(_PHASE_S * event.fps)
+    lead = [np.full(size, before + away) for away in (-1.7, 1.3, 0.0)]
+    ramp = np.linspace(before, -before, event.frames + 1)[1:]
+    after = np.full(round(_AFTER_S * event.fps) - 1, -before)
+    return np.concatenate([*lead, ramp, after]), 3 * size
+
+
+def _outcome(event: Event, player: Player, first: int) -> Outcome:
+    record = player.record
+    greys = np.array(record.greys)
+    outside = record.outside()
+    evs = np.array(record.evs[first:])
+    changed = np.flatnonzero(np.abs(evs - evs[0]) > 1e-6)
+    # Without an answer there is nothing to be late for but the latency itself.
+    plain = math.ceil(event.kind.latency_s * event.fps - 1e-6)
+    answered = int(changed[0]) if len(changed) else plain
+    other = greys[first:] < MIN_GREY if event.change_ev > 0 else greys[first:] > MAX_GREY
+    at_event = record.clipped[first] > _CLIPPED or greys[first] > BRIGHT
+    return Outcome(
+        event=event,
+        outside=int(outside[first:].sum()),
+        answered=max(answered, 1),
+        clipped=bool(at_event),
+        beyond=int((other & outside[first:]).sum()),
+        restless=int(outside[-event.fps :].sum()),
+    )
+
+
+def best_choice(name: str, shown: Shown, seed: int) -> str:
+    """Return the settings of a method that keep the blade in range most, on other events."""
+    choices = CHOICES[name]
+    if len(choices) == 1:
+        return next(iter(choices))
+    shapes = ((2.5, 1, Curve.SHOULDER), (-2.5, 1, Curve.GAMMA), (2.5, RAMP_FRAMES, Curve.FILMIC))
+    trials = [
+        Event(change_ev, frames, CameraKind(curve, True, latency_s), fps)
+        for change_ev, frames, curve in shapes
+        for latency_s, fps in ((0.1, 10), (0.2, 30))
+    ]
+    cost = {
+        label: sum(play(event, make, shown, seed + 7).outside for event in trials)
+        for label, make in choices.items()
+    }
+    return min(cost, key=lambda label: cost[label])
