@@ -9,13 +9,24 @@ from rich.markup import escape
 from rich.table import Table
 
 from perception.cloud_estimate import CloudAnswer, Question
-from perception.rotor import Refusal, Rotor, blade_angles_deg
+from perception.rotor import Refusal, RefusalCode, Rotor, blade_angles_deg
 from perception.values import Float
 
 _FOUND_BY = {
     "given": "the prior hub that was given",
     "tower": "the tower in the cloud",
     "rotor": "the three blades alone",
+}
+_REFUSED = {
+    RefusalCode.NO_POINTS: "too little of a rotor is in the cloud",
+    RefusalCode.NO_PLANE: "nothing in the cloud stands in a plane as blades do",
+    RefusalCode.NO_RING: "no ring round the hub meets three blades",
+    RefusalCode.TWO_BLADES: "two blades are seen, and three are needed",
+    RefusalCode.LOW_VISIBILITY: "too little of a blade is seen",
+    RefusalCode.SIDE_UNKNOWN: "it is not known whether the rotor is seen from the front",
+    RefusalCode.ROTOR_TURNING: "the rotor turns",
+    RefusalCode.NOT_A_ROTOR: "what is seen is no rotor of three blades",
+    RefusalCode.NOT_CONVERGED: "looks at the rotor do not agree",
 }
 _METHOD = {"rotor_fit": "rotor_fit, one joint fit of the rotor", "fermat": "fermat, the paper's"}
 _REFERENCE = {"tower": "the tower's axis", "gravity": "gravity (z down)"}
@@ -44,7 +55,8 @@ def answer_table(path: Path, answer: CloudAnswer, question: Question) -> Table:
     table.add_column(overflow="fold")
     rotor = answer.rotor
     if isinstance(rotor, Refusal):
-        table.add_row("refused", f"[bold red]{escape(rotor.text)}[/] ({rotor.code})")
+        table.add_row("refused", f"[bold red]{_REFUSED[rotor.code]}[/] ({rotor.code})")
+        table.add_row("", escape(rotor.text))
     else:
         angle = f"[bold green]{rotor.stop_angle_deg:.2f} deg[/] +- {rotor.sigma_deg:.2f}"
         table.add_row("stop angle", angle)

@@ -1,16 +1,21 @@
 """`bladescout estimate` as a person types it: every format, every exit code, every mistake."""
 
+import io
 import json
 import shlex
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 from typer.testing import CliRunner
 
 import bladescout
+from mission.cli.estimate_view import answer_table
 from mission.cli.main import app
+from perception.cloud_estimate import CloudAnswer, Question
 from perception.geometry import stop_angle_difference_deg
+from perception.rotor import Refusal, RefusalCode
 
 ROOT = Path(__file__).parents[3]
 FOLDER = ROOT / "tests" / "clouds"
@@ -99,6 +104,17 @@ def test_a_refusal_is_words_and_exit_3(tmp_path):
     assert answer["blades"] == []
     assert answer["refusal"]["code"]
     assert answer["refusal"]["text"] in " ".join(shown.stdout.split())
+
+
+@pytest.mark.parametrize("code", list(RefusalCode))
+def test_every_refusal_has_words(code):
+    answer = CloudAnswer(Refusal(code, "detail"), "rotor", 9, 0)
+    console = Console(width=120, record=True, file=io.StringIO())
+    console.print(answer_table(Path("a.npz"), answer, Question()))
+    first, second, *_ = console.export_text().splitlines()
+    assert first.startswith("refused")
+    assert len(first.split()) > 5
+    assert second.strip() == "detail"
 
 
 def millimetres(path):
