@@ -34,7 +34,7 @@ from perception.projection import project
 from perception.ring_search import search_points, search_rings
 from perception.rotor_fit import fit_rotor
 from perception.rotor_plane import fit_rotor_plane
-from perception.stop_angle import NEAREST_M, FermatEstimator
+from perception.stop_angle import NEAREST_M, REACH_M, FermatEstimator
 from perception.values import CameraPose, Float
 
 MANY = 200_000
@@ -161,8 +161,10 @@ def _fermat(name: str, points: Float, second: Second, goal_ms: float, share: flo
 
 
 def _parts_of_fermat(second: Second) -> Iterator[Step]:
-    """Yield the steps of the paper's method by themselves, on the returns of the turbine."""
-    settings, points = Settings().fermat, second.turbine_w
+    """Yield the steps of the paper's method by themselves, on the returns round the hub."""
+    settings = Settings().fermat
+    away = np.linalg.norm(second.points_w - second.hub_w, axis=1)
+    points = np.ascontiguousarray(second.points_w[away < REACH_M])
     hub, normal, eye = second.hub_w, second.normal_w, second.eye_w
     yield Step(
         "  rotor plane",
