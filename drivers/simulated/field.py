@@ -4,8 +4,8 @@
 ``told.json`` (all that the mission may know beforehand), ``clock``, and after the mission
 ``truth.json``. Standard output: a line of JSON ``{"ready": true}`` once sensors and MAVLink are up,
 ``{"finished": true}`` at the end, ``{"error": text}`` when the world cannot go on. Standard input,
-a line of JSON each: ``{"finish": MISSION_DIR}`` or ``{"fault": {"device": ..., "word": ...}}``; its
-end ends the field.
+a line of JSON each: ``{"finish": MISSION_DIR}``, ``{"fault": {"device": ..., "word": ...}}`` or
+``{"trace": FILE}``; its end ends the field.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ from drivers.simulated.renderer_link import FromRenderer, RendererLink, Renderer
 from drivers.simulated.scene import draw_scene
 from drivers.simulated.told import write_told
 from drivers.simulated.truth_report import Nearness, truth_of
+from drivers.simulated.truth_trace import trace
 from drivers.simulated.world import World
 
 log = logging.getLogger(__name__)
@@ -125,6 +126,8 @@ class Field:
                 continue
             if order.fault is not None:
                 self._world.fault(order.fault.device, order.fault.word)
+            if order.trace is not None and isinstance(self._world, World):
+                tasks.append(asyncio.create_task(trace(self._world, Path(order.trace))))
             if order.finish is not None:
                 await self._finish(order.finish)
                 _say({"finished": True})

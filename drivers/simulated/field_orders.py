@@ -19,3 +19,5 @@ class Order(ConfigModel):
     finish: str | None = None
     """The mission is over: judge this mission folder, write the truth and end."""
     fault: FaultOrder | None = None
+    trace: str | None = None
+    """Write what the autopilot really does into this file, from now on."""

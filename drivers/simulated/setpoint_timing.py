@@ -29,10 +29,13 @@ class SetpointTiming:
         self._mission_ms: list[float] = []
         self._wall_ms: list[float] = []
         self.count = 0
+        self.last_s: float | None = None
+        """Mission time of the newest arrival, in whatever mode."""
 
     def arrived(self, mission_s: float, monotonic_ns: int, *, offboard: bool) -> None:
         """Note one arrival; only gaps that began and ended in OFFBOARD count."""
         self.count += 1
+        self.last_s = mission_s
         if self._last is not None and offboard:
             self._mission_ms.append((mission_s - self._last[0]) * 1e3)
             self._wall_ms.append((monotonic_ns - self._last[1]) * 1e-6)

@@ -285,8 +285,12 @@ class Machine:
         tells, nobody has asked for another mode since.
         """
         silent, vehicle = self._flight.observation.silent, self._flight.vehicle
-        held = silent is not None and vehicle.mode is FlightMode.HOLD
-        return held and not self._asked_by_others(vehicle)
+        if silent is None or vehicle.mode is not FlightMode.HOLD:
+            return False
+        if silent.closed:
+            # So short that the autopilot may not have minded: it has to say itself that it did.
+            return vehicle.intended is FlightMode.OFFBOARD
+        return not self._asked_by_others(vehicle)
 
     def _asked_by_others(self, vehicle: Vehicle) -> bool:
         """Return whether the vehicle tells that somebody has asked for another mode than ours."""
@@ -298,7 +302,7 @@ class Machine:
         silent, vehicle = flight.observation.silent, flight.observation.vehicle
         if silent is None or vehicle is None or not flight.engaged:
             return None
-        if vehicle.mode_stamp_s < silent.read_after_s:
+        if not silent.closed and vehicle.mode_stamp_s < silent.read_after_s:
             return Intent("our own control stood still: reading the mode first")
         if not self._failsafe_of_our_silence():
             return None

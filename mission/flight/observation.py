@@ -240,12 +240,14 @@ class PreflightItem:
 
 @dataclass(frozen=True, slots=True)
 class Silence:
-    """A gap in our own stream of setpoints, as our own clock knows it, not closed yet."""
+    """A gap in our own stream of setpoints, as our own clock knows it."""
 
     from_s: float
     """When the last setpoint left."""
     read_after_s: float
     """A mode reported from then on is what the autopilot has made of the gap."""
+    closed: bool = False
+    """Setpoints leave again; the gap was a moment ago, and reports of the mode come late."""
 
 
 @dataclass(frozen=True, slots=True)

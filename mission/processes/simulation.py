@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from config.settings import Settings
-from config.simulation import Simulation
+from config.simulation import Device, Simulation, Word
 from config.turbine import Site
 from drivers.bus import BusUnreachable
 from mission.flight.command import TERMINAL, MissionState
@@ -130,6 +130,14 @@ class Field:
         self._expect("ready")
         told = json.loads((self._run_dir / "told.json").read_text())
         return Site.model_validate(told["site"])
+
+    def fault(self, device: Device, word: Word) -> None:
+        """Change a device's failure word now."""
+        self._say({"fault": {"device": device, "word": word}})
+
+    def trace(self, file: Path) -> None:
+        """Have written down what the autopilot really does, from now on."""
+        self._say({"trace": str(file)})
 
     def finish(self, mission_dir: Path) -> dict[str, object]:
         """End the world and return its truth."""

@@ -1,12 +1,232 @@
-"""Cases about processes: real ones, a short simulated mission each."""
+"""Cases about processes: real ones, in short simulated missions at speed 1."""
 
 from __future__ import annotations
 
-from tests.faults.fault import Fault
+import contextlib
+import math
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import psutil
+
+from tests.faults.fault import Fault, Seen
+from tests.faults.rig import Rig
+
+#: Of a trace: one line, the bus, and one tick.
+SAMPLED_S = 0.08
+
+
+@contextlib.contextmanager
+def flown(*overrides, **options):
+    """Yield a rig whose mission has just begun to photograph a blade."""
+    with (
+        tempfile.TemporaryDirectory(prefix="bladescout-fault-") as name,
+        Rig(Path(name), *overrides, **options) as rig,
+    ):
+        rig.start().phase("track")
+        along_the_blade(rig)
+        yield rig
+
+
+def along_the_blade(rig, within_s=120.0):
+    rig.until(lambda: rig.watcher.state.progress.metre is not None, within_s)
+
+
+def lines_since(rig, mission_s):
+    return [line for line in rig.trace() if line["mission_s"] >= mission_s]
+
+
+def moved_m(lines):
+    places = np.array([line["position_w"] for line in lines])
+    return float(np.linalg.norm(places - places[0], axis=1).max())
+
+
+def longest_gap_s(lines):
+    """Return the longest time between arrivals of setpoints."""
+    stamps = np.unique([line["setpoint_s"] for line in lines if line["setpoint_s"] is not None])
+    return float(np.diff(stamps).max(initial=0.0))
+
+
+def event_s(rig, name, after_s):
+    """Return when an event was noticed first, mission time, after a moment."""
+    found = [e.mission_s for e in rig.events if e.name == name and e.mission_s >= after_s]
+    return min(found, default=math.inf)
+
+
+@cache
+def one_flight():
+    """One mission to which worse and worse is done; what came of each step, by name."""
+    with flown() as rig:
+        found = {"worker": _kill_tracking(rig)}
+        rig.phase("track")
+        along_the_blade(rig)
+        found["stop"] = _stop_flight(rig, 5.0)
+        rig.phase("track")
+        along_the_blade(rig)
+        found["kill"] = _kill_flight(rig)
+        return found
+
+
+def _kill_tracking(rig):
+    worker = rig.process("mission.processes.tracking_worker")
+    begun_s = rig.now_s()
+    worker.kill()
+    rig.until(lambda: event_s(rig, "scan_late", begun_s) < math.inf, 20.0)
+    reacted_s = event_s(rig, "scan_late", begun_s) - begun_s
+    rig.until(lambda: rig.process("mission.processes.tracking_worker") is not None, 10.0)
+    rig.phase("track", within_s=60.0)
+    lines = lines_since(rig, begun_s)
+    back_s = rig.now_s() - begun_s
+    words = (
+        f"held, the blade taken up again {back_s:.1f} s after, setpoint gap at most "
+        f"{1e3 * longest_gap_s(lines):.0f} ms meanwhile"
+    )
+    return Seen(1, rig.names(), reacted_s, "track", figure=words)
+
+
+def _stop_flight(rig, seconds):
+    flight = rig.process("mission.processes.flight")
+    flight.suspend()
+    begun_s = rig.now_s()
+    time.sleep(seconds)
+    resumed_s = rig.now_s()
+    flight.resume()
+    rig.until(lambda: event_s(rig, "own_silence", begun_s) < math.inf, 20.0)
+    rig.until(lambda: rig.trace()[-1]["mode"] == "OFFBOARD", 20.0)
+    lines = lines_since(rig, begun_s)
+    during = [line for line in lines if line["mission_s"] < resumed_s]
+    last_s = max(line["setpoint_s"] for line in during)
+    held = next(line["mission_s"] for line in during if line["mode"] == "HOLD")
+    first_s = next(line["setpoint_s"] for line in lines if line["setpoint_s"] > last_s)
+    assert all(line["mode"] == "HOLD" for line in during if line["mission_s"] > held)
+    assert first_s > resumed_s, "a setpoint of the time before was sent"
+    moved = moved_m(during)
+    speed = float(np.linalg.norm(during[0]["velocity_w"]))
+    assert moved <= 2.3
+    words = (
+        f"at {speed:.1f} m/s: held {held - begun_s:.2f} s after, moved {moved:.1f} m; the next "
+        f"setpoint {first_s - resumed_s:.2f} s after control was back"
+    )
+    return Seen(1, rig.names(), max(0.0, last_s - begun_s), "track", figure=words)
+
+
+def _kill_flight(rig):
+    rig.process("mission.processes.flight").kill()
+    begun_s = rig.now_s()
+    rig.until(lambda: rig.process("mission.processes.flight") is not None, 10.0)
+    rig.until(lambda: rig.trace()[-1]["mode"] == "HOLD", 10.0)
+    time.sleep(8.0)
+    lines = lines_since(rig, begun_s)
+    last_s = max(line["setpoint_s"] for line in lines)
+    assert lines[-1]["mode"] == "HOLD", "something moved by itself"
+    assert moved_m([line for line in lines if line["mission_s"] > begun_s + 3.0]) < 0.5
+    progress = rig.watcher.state.progress
+    words = f"held, moved {moved_m(lines):.1f} m; flight is back and idle: {progress.words}"
+    assert progress.phase == "idle"
+    return Seen(1, rig.names(), max(0.0, last_s - begun_s), "held", figure=words)
+
+
+def terminated_while_tracking():
+    with flown() as rig:
+        family = [psutil.Process(rig.daemon._process.pid)]
+        family += family[0].children(recursive=True)
+        begun_s, begun_ns = rig.now_s(), time.monotonic_ns()
+        rig.daemon._process.send_signal(signal.SIGTERM)
+        rig.daemon._process.wait(timeout=30)
+        took_s = (time.monotonic_ns() - begun_ns) * 1e-9
+        rig.until(lambda: rig.trace()[-1]["intention"] == "HOLD", 5.0)
+        lines = lines_since(rig, begun_s)
+        held_s = next(line["mission_s"] for line in lines if line["intention"] == "HOLD")
+        gone, left = psutil.wait_procs(family, timeout=5)
+        assert left == []
+        words = f"exit after {took_s:.1f} s, {len(gone)} processes gone"
+        return Seen(1, frozenset(), held_s - begun_s, "held", figure=words)
+
+
+_WRITE = """
+import os, tempfile
+with tempfile.TemporaryFile() as file:
+    while True:
+        file.seek(0)
+        file.write(os.urandom(1 << 24))
+        file.flush()
+        os.fsync(file.fileno())
+"""
+
+
+def busy(seconds):
+    """Burn every processor, and write to the disk, for a while at nice 0."""
+    burn = [sys.executable, "-c", "while True: sum(range(100000))"]
+    write = [sys.executable, "-c", _WRITE]
+    workers = [subprocess.Popen(burn) for _ in range(os.cpu_count() or 2)]
+    workers.append(subprocess.Popen(write))
+    sleeper, deadline = [], time.monotonic() + seconds
+    try:
+        while time.monotonic() < deadline:
+            begun = time.monotonic()
+            time.sleep(0.05)
+            sleeper.append(time.monotonic() - begun)
+        burnt = sum(psutil.Process(worker.pid).cpu_times().user for worker in workers)
+    finally:
+        for worker in workers:
+            worker.kill()
+            worker.wait()
+    return burnt, max(sleeper)
+
+
+def processors_busy():
+    with flown() as rig:
+        begun_s = rig.now_s()
+        burnt_s, bare_s = busy(60.0)
+        lines = lines_since(rig, begun_s)
+        gap_s = longest_gap_s(lines)
+        words = (
+            f"{burnt_s:.0f} s of processor time burnt: longest setpoint gap {1e3 * gap_s:.0f} ms; "
+            f"a bare sleeper of 50 ms slept {1e3 * bare_s:.0f} ms at worst"
+        )
+        assert gap_s <= 0.25, words
+        return Seen(round(burnt_s), rig.names(), None, "running", figure=words)
+
+
+def a_link_that_loses_a_quarter():
+    with (
+        tempfile.TemporaryDirectory(prefix="bladescout-fault-") as name,
+        Rig(Path(name), speed=2.0) as rig,
+    ):
+        rig.start().phase("ascend")
+        rig.world.fault("link", "intermittent")
+        state = rig.over(600.0)
+        truth = rig.finish()
+        dropped = truth["vehicle"]["link"]["dropped"]
+        words = f"{dropped} of {truth['vehicle']['link']['sent']} datagrams lost"
+        return Seen(
+            dropped, rig.names(), None, str(state),
+            clearance_m=truth["min_clearance_m"], figure=words,
+        )  # fmt: skip
+
 
 _ENDINGS = "tests/system/test_endings.py::"
 
 ROWS: tuple[Fault, ...] = (
+    Fault(15, "kill -9 of the tracking worker while a blade is flown",
+          lambda: one_flight()["worker"], "scan_late", 0.6 + SAMPLED_S, "track", slow=True),
+    Fault(17, "the link loses a quarter", a_link_that_loses_a_quarter, "", None, "completed",
+          slow=True),
+    Fault(18, "the flight process is stopped for 5 s while a blade is flown",
+          lambda: one_flight()["stop"], "own_silence", 0.1 + SAMPLED_S, "track", slow=True),
+    Fault(19, "kill -9 of the flight process while a blade is flown",
+          lambda: one_flight()["kill"], "flight_died", 0.1 + SAMPLED_S, "held", slow=True),
     Fault(20, "SIGTERM or SIGINT to the daemon",
           _ENDINGS + "test_a_daemon_that_is_told_to_end_is_gone_soon_with_all_its_processes"),
+    Fault(20, "SIGTERM to the daemon while a blade is flown", terminated_while_tracking, "", 0.3,
+          "held", slow=True),
+    Fault(21, "all processors and the disk busy for 60 s", processors_busy, "", None, "running",
+          slow=True),
 )  # fmt: skip

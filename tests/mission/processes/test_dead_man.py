@@ -30,8 +30,15 @@ def test_a_tick_that_took_too_long_is_dropped(flying, took_s, leaves):
 
 
 @pytest.mark.parametrize("gap_s", [0.3, 0.39])
-def test_a_gap_that_the_autopilot_does_not_mind_is_none(flying, gap_s):
-    assert flying.look(100.0 + gap_s, engaged=True) is None
+def test_a_gap_that_the_autopilot_may_not_mind_is_remembered_for_two_seconds(flying, gap_s):
+    now_s = 100.0 + gap_s
+    assert flying.look(now_s, engaged=True) is None
+    assert flying.may_send(now_s, now_s, 100.0)
+    flying.sent(now_s)
+    for k in range(1, 39):
+        assert flying.look(now_s + 0.05 * k, engaged=True).closed
+        flying.sent(now_s + 0.05 * k)
+    assert flying.look(now_s + 2.01, engaged=True) is None
 
 
 @pytest.mark.parametrize("gap_s", [0.41, 0.6, 5.0])
@@ -49,7 +56,7 @@ def test_the_gap_is_told_until_a_setpoint_closes_it(flying):
     first = flying.look(100.0 + STALL_S + 0.01, engaged=True)
     assert flying.look(103.0, engaged=True) == first
     flying.sent(103.0)
-    assert flying.look(103.05, engaged=True) is None
+    assert flying.look(103.05, engaged=True).closed
 
 
 def test_where_the_vehicle_is_not_ours_silence_is_no_gap(flying):
