@@ -4,6 +4,8 @@ A position from satellites wanders slowly. The rotor stands still, so what the L
 blade tells the wander across that blade, and where its tip is seen, along it. The wander is a
 first-order Gauss-Markov process; the filter keeps its value w and the value c it had when the
 rotor was measured, and gives d = w - c: reported position less position in the rotor's frame.
+Where the rotor's hub was measured wrongly, that is part of c: what is known of the rotor is laid
+right by what is seen of it later.
 World ENU, metres, mission seconds.
 """
 
@@ -20,15 +22,21 @@ _GATE = 3.0
 
 
 class FrameDrift:
-    """Kalman filter of d (3,); begins with d = 0 when the rotor was measured."""
+    """Kalman filter of d (3,); begins with d = 0 when the rotor was measured.
 
-    def __init__(self, sigma_m: float, time_s: float, start_s: float) -> None:
+    ``sigma_m``, ``time_s``: of the wander; ``rotor_sigma_m``: how far the measured hub may be off.
+    """
+
+    def __init__(
+        self, sigma_m: float, time_s: float, start_s: float, rotor_sigma_m: float = 0.0
+    ) -> None:
         self._variance = sigma_m**2
         self._time_s = time_s
         self._stamp_s = start_s
         self._state: Float = np.zeros(6)
         block = self._variance * np.eye(3)
-        self._covariance: Float = np.block([[block, block], [block, block]])
+        rotor = rotor_sigma_m**2 * np.eye(3)
+        self._covariance: Float = np.block([[block, block], [block, block + rotor]])
 
     @property
     def stamp_s(self) -> float:

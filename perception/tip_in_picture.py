@@ -22,7 +22,7 @@ STRAIGHT_M = 2.0
 #: Over so much before and after the end the two edges must be there, and must not.
 BESIDE_M = 0.6
 #: Edges before the end are so much stronger than after it; the end itself than what is usual.
-LEAST_STEP, LEAST_CONTRAST = 2.0, 3.0
+LEAST_STEP, LEAST_CONTRAST = 2.0, 4.0
 #: So much of the width, in its middle, is looked at across the end.
 MIDDLE = 0.5
 _ACROSS = 9

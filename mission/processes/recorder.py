@@ -171,9 +171,7 @@ class Recorder:
             self._tell(photo_id, kept=False, reason=str(error))
             return
         mission.lost.pop(photo_id, None)
-        if photo.tip is not None:
-            tip = photo.tip
-            mission.history.take_tip(taken.stamp_s, tip.axis_w, tip.drift_m, tip.sigma_m)
+        mission.history.take_sightings(taken.stamp_s, photo.sightings)
         mission.records.append(photo.record)
         self._tell(photo_id, kept=photo.record.kept, reason=photo.record.reason)
 

@@ -10,7 +10,7 @@ import numpy as np
 from config.settings import Settings
 from config.turbine import Turbine
 from mission.flight.sides import blade_frame
-from mission.records.photo_moment import BladeThen, PhotoMoment, body_to_world
+from mission.records.photo_moment import BladeThen, PhotoMoment, Sighting, body_to_world
 from perception.blade_in_picture import BladeStations, see
 from perception.geometry import camera_looking_along
 from perception.lens import Lens, lens_of
@@ -19,21 +19,12 @@ from perception.tip_in_picture import TIP_SIGMA_M, find_tip
 from perception.values import Bytes, CameraPose, Float
 
 STATION_STEP_M = 0.5
-#: How far hub and root of the measured rotor are off along a blade.
-_ROOT_SIGMA_M = 0.1
+#: How far a root is off along its blade where the hub is right.
+_ROOT_SIGMA_M = 0.05
+#: The tip is looked for no farther than this from where it is drawn.
+_MOST_REACH_M = 2.0
 #: How far a blade seen by the LiDAR is off across its axis; and one that it did not see.
 _TRACKED_SIGMA_M, _BENT_PER_METRE = 0.1, 0.012
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TipSeen:
-    """The blade's end was seen in the picture: how far the vehicle has wandered along the blade."""
-
-    axis_w: Float
-    """(3,) unit, root to tip."""
-    drift_m: float
-    """Of the reported position, along the axis, as the picture says."""
-    sigma_m: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,7 +51,8 @@ class PhotoView:
     blade_length_m: float | None = None
     matched: bool = False
     """The outline was laid on the blade's edges in the picture."""
-    tip: TipSeen | None = None
+    sightings: tuple[Sighting, ...] = ()
+    """What the picture says of the vehicle's wander."""
 
 
 def view_of(
@@ -78,7 +70,8 @@ def view_of(
         return PhotoView(camera, lens, covariance, yaw, pitch)
     metre, point = _axis_meets(camera, blade)
     across = _TRACKED_SIGMA_M if blade.track is not None else _BENT_PER_METRE * abs(metre)
-    stations = _stations(camera, lens, blade, turbine, metre)
+    model = _stations(camera, lens, blade, turbine, metre)
+    stations = None if model is None else _registered(model, camera, blade)
     match = None if stations is None else match_outline(grey, stations, camera, lens)
     if match is not None:
         stations, across = match.stations, MATCHED_SIGMA_M
@@ -89,31 +82,63 @@ def view_of(
             metre, point = float(seen.metre_m[0]), seen.point_w[0]
     range_m = float(np.linalg.norm(point - camera.position_w))
     sigma = _metre_sigma(moment, camera, blade, range_m, covariance, (yaw, pitch), settings)
-    tip = None
-    if match is not None:
+    sightings: list[Sighting] = []
+    if match is not None and model is not None:
+        angles = (yaw, pitch)
+        sightings.append(_aside(match.stations, model, moment, camera, range_m, angles, settings))
         length = turbine.blade_length_m
-        end = find_tip(grey, match.stations, camera, lens, length, max(0.5, 3 * sigma))
+        reach_m = min(max(0.5, 3 * sigma), _MOST_REACH_M)
+        end = find_tip(grey, match.stations, camera, lens, length, reach_m)
         if end is not None:
             # The picture itself now tells the metre: pose and angles matter no more.
-            tip = _tip(end - length, blade, covariance, sigma)
+            sightings.append(_tip(end - length, blade, covariance, sigma))
             gain = sigma**2 / (sigma**2 + TIP_SIGMA_M**2)
             along = gain * (end - length)
             stations = match.stations.moved(along * blade.axis_w)
             metre, sigma = metre - along, math.sqrt(gain) * TIP_SIGMA_M
     return PhotoView(
         camera, lens, covariance, yaw, pitch, stations, metre, sigma, across,
-        blade.track is not None, range_m, turbine.blade_length_m, match is not None, tip,
+        blade.track is not None, range_m, turbine.blade_length_m, match is not None,
+        tuple(sightings),
     )  # fmt: skip
 
 
-def _tip(off_m: float, blade: BladeThen, covariance: Float, metre_sigma_m: float) -> TipSeen:
-    """Return what the tip, seen so far off where it was drawn, says of the vehicle's wander."""
+def _tip(off_m: float, blade: BladeThen, covariance: Float, metre_sigma_m: float) -> Sighting:
+    """Return what the tip, seen so far off where it was drawn, says along the blade."""
     axis = blade.axis_w
     by_position = float(axis @ covariance @ axis)
     # What is not the position's own error (angles, time) is in the picture too.
     others = max(0.0, metre_sigma_m**2 - by_position)
     drift_m = float(blade.drift_w @ axis) + off_m
-    return TipSeen(axis, drift_m, math.sqrt(TIP_SIGMA_M**2 + others + _ROOT_SIGMA_M**2))
+    return Sighting(axis, drift_m, math.sqrt(TIP_SIGMA_M**2 + others))
+
+
+def _aside(
+    matched: BladeStations,
+    model: BladeStations,
+    moment: PhotoMoment,
+    camera: CameraPose,
+    range_m: float,
+    angles: tuple[float, float],
+    settings: Settings,
+) -> Sighting:
+    """Return what the outline's place in the picture says across the blade."""
+    forward = camera.rotation_wc[:, 2]
+    axis = model.centre_w[-1] - model.centre_w[0]
+    aside = np.cross(axis / np.linalg.norm(axis), forward)
+    aside = aside / np.linalg.norm(aside)
+    middle = len(model.metre_m) // 2
+    off_m = float((matched.centre_w - model.centre_w)[middle] @ aside)
+    ray = range_m * forward
+    errors = (
+        MATCHED_SIGMA_M,
+        float(aside @ np.cross((0.0, 0.0, 1.0), ray)) * angles[0],
+        float(aside @ np.cross(camera.rotation_wc[:, 0], ray)) * angles[1],
+        float(aside @ moment.velocity_w) * settings.camera.time_sigma_s,
+        _BENT_PER_METRE * float(model.metre_m[middle]),
+        settings.positioning.noise_sigma_m,
+    )
+    return Sighting(aside, off_m, math.hypot(*errors))
 
 
 def camera_pose(moment: PhotoMoment, settings: Settings) -> CameraPose:
@@ -205,7 +230,7 @@ def _stations(
     )  # fmt: skip
     angles = math.radians(blade.pitch_deg) + np.radians(twist)
     cosine, sine = np.cos(angles)[:, None], np.sin(angles)[:, None]
-    stations = BladeStations(
+    return BladeStations(
         metre_m=grid,
         centre_w=_root_now(blade)
         + grid[:, None] * frame.axis_w
@@ -216,7 +241,6 @@ def _stations(
         thickness=thickness,
         pitch_axis=pitch_axis,
     )
-    return _registered(stations, camera, blade)
 
 
 def _registered(stations: BladeStations, camera: CameraPose, blade: BladeThen) -> BladeStations:

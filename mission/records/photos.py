@@ -20,9 +20,9 @@ from mission.records.files import PHOTOS, photo_name, write_whole
 from mission.records.jpeg_segments import NotAJpeg, picture_data
 from mission.records.photo_judge import Verdict, judge
 from mission.records.photo_metadata import with_metadata
-from mission.records.photo_moment import PhotoMoment, moment_of
+from mission.records.photo_moment import PhotoMoment, Sighting, moment_of
 from mission.records.photo_record import PhotoRecord, view_record
-from mission.records.photo_view import PhotoView, TipSeen, view_of
+from mission.records.photo_view import PhotoView, view_of
 from mission.remote.messages import PhotoTakenMessage
 from perception.geometry import heading_from_enu_yaw, rotation_from_quaternion
 from perception.values import Bytes
@@ -46,8 +46,8 @@ class StoredPhoto:
 
     record: PhotoRecord
     path: Path
-    tip: TipSeen | None = None
-    """What the picture says of the vehicle's wander, where it shows the blade's end."""
+    sightings: tuple[Sighting, ...] = ()
+    """What the picture says of the vehicle's wander."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +105,7 @@ def store(
     path = folder / record.file
     write_whole(path, with_metadata(jpeg, record, settings.camera))
     write_whole(path.with_suffix(".json"), record.sidecar())
-    return StoredPhoto(record, path, view.tip)
+    return StoredPhoto(record, path, view.sightings)
 
 
 def _view(

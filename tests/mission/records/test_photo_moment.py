@@ -22,7 +22,7 @@ from mission.flight.observation import (
     RotorEstimate,
     Vehicle,
 )
-from mission.records.photo_moment import PhotoHistory
+from mission.records.photo_moment import ROTOR_SIGMA_M, PhotoHistory
 from mission.records.photo_view import view_of
 from mission.remote.messages import PhotoTakenMessage, VehicleMessage
 
@@ -55,7 +55,8 @@ class World:
         self.now_s = 0.0
         self.at(HUB, 30.0)
         rotor_error = np.array(self.error.position)
-        self.hub = HUB + rotor_error
+        # The fit has its own error, the vehicle's wander at that moment comes on top.
+        self.hub = HUB + rotor_error + self.rng.normal(0.0, ROTOR_SIGMA_M, 3)
         self.say_rotor()
 
     def at(self, place, seconds):
@@ -171,7 +172,7 @@ def errors_of(method, runs):
     return np.array(errors), np.array(sigmas)
 
 
-@pytest.mark.parametrize(("method", "least_m", "most_m"), [("rtk", 0.1, 0.7), ("gnss", 0.5, 4.0)])
+@pytest.mark.parametrize(("method", "least_m", "most_m"), [("rtk", 0.1, 1.2), ("gnss", 0.5, 4.0)])
 def test_the_stated_sigma_of_the_metre_is_honest(method, least_m, most_m):
     errors, sigmas = errors_of(method, runs=5)
     assert len(errors) > 150
