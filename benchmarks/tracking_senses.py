@@ -151,6 +151,8 @@ class Senses:
             None if nearest is None else nearest[0],
             None if nearest is None else _vec(nearest[1]),
         )
+        if self._scans % 2:
+            return
         around = self._memory.around(here, _AROUND_M, _AROUND_POINTS, not_before_s=now_s - _KEPT_S)
         self.surroundings = Surroundings(around.astype(np.float64), now_s)
 

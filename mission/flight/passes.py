@@ -42,6 +42,9 @@ SLANTS_DEG = (-30, -20, 20, 30)
 ROW_MARGIN_M = 0.25
 #: One row does where at least so much is left beside the blade.
 ROW_SPARED_M = 0.05
+#: How far gusts rock the airframe, and the LiDAR with it.
+WOBBLE_DEG = 3.0
+UPRIGHT: Float = np.array([0.0, 0.0, 1.0])
 #: Steeper below the horizon than this the gimbal would have to turn over when the vehicle wanders.
 STEEPEST_DEG = -76.0
 #: Where the LiDAR does not see the blade, the vehicle flies on the fitted rotor: farther away, and
@@ -159,6 +162,16 @@ class SidePass:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Around:
+    """What a view is judged by."""
+
+    model: RotorModel
+    settings: Settings
+    ground_m: float
+    lean_w: Float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class _View:
     turn_deg: int
     slant_deg: int
@@ -187,8 +200,13 @@ def plan_side(
     turbine: Turbine,
     settings: Settings,
     ground_m: float,
+    lean_w: Float = UPRIGHT,
 ) -> SidePass:
-    """Plan the legs for a side of a blade. ``ground_m`` is the height (z) of the ground."""
+    """Plan the legs for a side of a blade.
+
+    ``ground_m`` is the height (z) of the ground. ``lean_w``: (3,) where the airframe's up axis
+    points while it hovers in this wind: the LiDAR's field of view leans with it.
+    """
     length = frame.length_m
     if frame.pitch_rad is None:
         reason = "the blade's pitch is not known, so neither are its sides"
@@ -198,9 +216,10 @@ def plan_side(
     turns = [t for t in (0, 15, -15, 30, -30, 45, -45, 60, -60)
              if abs(t) <= settings.tracking.max_view_turn_deg]  # fmt: skip
     section = Section(frame, turbine, grid)
-    views = _views(frame, straight, turns, (0,), section, model, settings, ground_m)
-    if not any(_sight(view.view_w, settings) for view in views):
-        views += _views(frame, straight, turns, SLANTS_DEG, section, model, settings, ground_m)
+    around = Around(model, settings, ground_m, lean_w)
+    views = _views(frame, straight, turns, (0,), section, around)
+    if not any(_sight(view.view_w, around) for view in views):
+        views += _views(frame, straight, turns, SLANTS_DEG, section, around)
     best = max(views, key=lambda v: v.worth * int(v.seen.sum()) * _nearness(v))
     chosen = [(best, best.seen)]
     missing = ~best.seen
@@ -237,12 +256,10 @@ def _views(
     turns: Sequence[int],
     slants: Sequence[int],
     section: Section,
-    model: RotorModel,
-    settings: Settings,
-    ground_m: float,
+    around: Around,
 ) -> list[_View]:
     """Judge every view at every distance and metre."""
-    tracking = settings.tracking
+    model, settings, tracking = around.model, around.settings, around.settings.tracking
     distances: Float = np.arange(
         tracking.distance_m, tracking.max_distance_m + 1e-6, 1.0, dtype=np.float64
     )
@@ -252,12 +269,12 @@ def _views(
         + math.sin(math.radians(slant)) * frame.axis_w
         for turn, slant in angles
     ]
-    sees = [_sight(view_w, settings) for view_w in views]
+    sees = [_sight(view_w, around) for view_w in views]
     if any(slants):
         # Slanted views serve the gimbal alone: those that do not help need no judging.
         angles = [angle for angle, seen in zip(angles, sees, strict=True) if seen]
         views = [view_w for view_w, seen in zip(views, sees, strict=True) if seen]
-        sees = [_sight(view_w, settings) for view_w in views]
+        sees = [_sight(view_w, around) for view_w in views]
         if not views:
             return []
     grid = section.grid_m
@@ -272,7 +289,7 @@ def _views(
     shape = (len(angles), len(distances), len(grid))
     clearance = parts.min(axis=1).reshape(shape)
     nearest = parts.argmin(axis=1).reshape(shape)
-    low = (points[:, 2] < ground_m + GROUND_MARGIN_M).reshape(shape)
+    low = (points[:, 2] < around.ground_m + GROUND_MARGIN_M).reshape(shape)
     clear = (clearance >= settings.guard.min_clearance_m + TRACKING_MARGIN_M) & ~low
     found = []
     least_m = settings.guard.min_clearance_m + TRACKING_MARGIN_M
@@ -288,21 +305,27 @@ def _views(
     return found
 
 
-def _sight(view_w: Float, settings: Settings) -> str:
+def _sight(view_w: Float, around: Around) -> str:
     """Return "seen" where gimbal and LiDAR see along a view, "blind" where only the gimbal does.
 
     Empty: not even the gimbal can look there.
     """
     elevation = math.degrees(math.asin(max(-1.0, min(1.0, -float(view_w[2])))))
-    gimbal, lidar = settings.gimbal, settings.lidar
+    gimbal, lidar = around.settings.gimbal, around.settings.lidar
     # Two degrees are left for the vehicle's wander.
     low = max(gimbal.min_pitch_deg + 2, STEEPEST_DEG)
     if not low <= elevation <= gimbal.max_pitch_deg - 2:
         return ""
-    # The nose faces the blade: what the LiDAR sees ahead is its own band, turned nose-down.
-    lowest = lidar.min_elevation_deg - lidar.nose_down_deg + 2
-    highest = lidar.max_elevation_deg - lidar.nose_down_deg - 2
-    return "seen" if lowest <= elevation <= highest else "blind"
+    # The nose faces the blade: what the LiDAR sees ahead is its own band, turned nose-down, and
+    # more so by how the airframe leans into the wind.
+    flat = math.hypot(float(view_w[0]), float(view_w[1]))
+    ahead = -view_w[:2] / flat if flat > 1e-6 else np.zeros(2)
+    down = lidar.nose_down_deg + math.degrees(
+        math.atan2(float(around.lean_w[:2] @ ahead), float(around.lean_w[2]))
+    )
+    lowest, highest = lidar.min_elevation_deg - down, lidar.max_elevation_deg - down
+    seen = lowest + WOBBLE_DEG <= elevation <= highest - WOBBLE_DEG
+    return "seen" if seen else "blind"
 
 
 def _profile(clear: Mask, distances: Float) -> Float:

@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from config.settings import Settings
 from config.turbine import Turbine
-from mission.flight.passes import Leg, SidePass, plan_side
+from mission.flight.passes import UPRIGHT, Leg, SidePass, plan_side
 from mission.flight.rotor_model import RotorModel
 from mission.flight.route import Roadmap, roadmap_steps
 from perception.values import Float
@@ -41,12 +41,13 @@ def plan_steps(
     wanted: Sequence[tuple[str, str]],
     from_w: Float,
     ground_m: float,
+    lean_w: Float = UPRIGHT,
 ) -> Iterator[Plan | None]:
     """Plan the wanted (blade, side) pairs: yields None after each slice and, last, the plan."""
     frames = {frame.name: frame for frame in model.frames}
     passes = []
     for blade, side in wanted:
-        passes.append(plan_side(frames[blade], side, model, turbine, settings, ground_m))
+        passes.append(plan_side(frames[blade], side, model, turbine, settings, ground_m, lean_w))
         yield None
     roadmap: Roadmap | None = None
     for step in roadmap_steps(model, settings.airframe.radius_m, ground_m + WAY_GROUND_MARGIN_M):

@@ -28,7 +28,7 @@ SURVEY_HEIGHT_M = 15.0
 SURVEY_DISTANCE_M = 35.0
 LOOK_S = 6.0
 SIDE_S = 3.0
-#: A tower found this far from where it was believed moves the path.
+#: A tower or hub found this far from where it was believed moves the path.
 MOVED_M = 1.5
 ARC_SPEED_MPS = 5.0
 CIRCLE_STEP_RAD = math.radians(30.0)
@@ -45,7 +45,7 @@ class Ascend:
         self._arrived_s: float | None = None
         self._looked = 0
         self._circled = 0
-        self._tower: np.ndarray[tuple[int, ...], np.dtype[np.float64]] | None = None
+        self._hub: np.ndarray[tuple[int, ...], np.dtype[np.float64]] | None = None
 
     def resume(self, _flight: Flight) -> None:
         """Work the way out again from here."""
@@ -55,10 +55,12 @@ class Ascend:
         """Fly the stage, look while flying."""
         flight.sense(SensingMode.TOWER)
         tower = flight.tower_w
-        if self._tower is not None and np.hypot(*(tower - self._tower)[:2]) > MOVED_M:
+        hub = flight.hub_w
+        # The closed sphere moves with the hub: what was a way beside it may now lie inside.
+        if self._hub is not None and np.linalg.norm(hub - self._hub) > MOVED_M:
             self._moving = False
         if not self._moving:
-            self._tower, self._moving, self._arrived_s = tower, True, None
+            self._hub, self._moving, self._arrived_s = hub, True, None
             self._start(flight)
         yaw = flight.yaw_to(tower)
         setpoint = flight.follow(yaw)

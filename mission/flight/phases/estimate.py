@@ -20,7 +20,7 @@ from mission.flight.phases.track import Track
 from mission.flight.plan import Plan, plan_steps
 from mission.flight.rotor_model import MeasuredBlade, rotor_model
 from mission.flight.skin import blade_skin
-from perception.geometry import stop_angle_difference_deg
+from perception.geometry import rotation_from_quaternion, stop_angle_difference_deg
 from perception.rotor import RefusalCode
 
 RECENTRE_M = 0.7
@@ -156,6 +156,7 @@ class Estimate:
         self._work = plan_steps(
             flight.model, flight.turbine, flight.settings, _wanted(flight),
             flight.here_w, flight.ground_m,
+            rotation_from_quaternion(flight.vehicle.quaternion_wb)[:, 2],
         )  # fmt: skip
 
     def _plan(self, flight: Flight, intent: Intent) -> Intent:

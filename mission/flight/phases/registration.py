@@ -19,10 +19,14 @@ from perception.values import Float
 #: is undone by the LiDAR, so that the distance is held to the blade and not to the position.
 TIME_S = 0.5
 #: And of the one that the camera is aimed by, which need not be smooth.
-AIM_TIME_S = 0.2
+AIM_TIME_S = 0.35
 FRESH_S = 0.5
 #: A position without corrections drifts by metres between two measurements of the rotor.
 MOST_M = 6.0
+LEARN_S = 2.0
+NO_DROOP_SHARE = 0.4
+#: How far off the drift along a blade may be by the errors of the fitted rotor.
+DOUBT_M = 0.7
 #: Beyond drift and droop: the droop grows with the metre, the drift since the rotor was measured.
 MOVED_M = 3.0
 MOVED_PER_METRE = 0.03
@@ -45,6 +49,9 @@ class Registration:
         self.aim_w: Float = np.zeros(3)
         """The same for the camera: less smooth, and where the blade was seen last."""
         self._drift: Float = np.zeros(3)
+        self._seen: Float = np.zeros(3)
+        self._position: Float = np.zeros(3)
+        """(3,) the position's drift since the rotor was measured, as far as blades have shown."""
         self._push = 0.0
         self._stamp_s = -math.inf
         self._blade = ""
@@ -55,6 +62,8 @@ class Registration:
     def begin(self, blade: str) -> None:
         """Begin a leg. What was learnt on another blade is a first guess: the position's drift."""
         if blade != self._blade:
+            # Without the other blade's droop.
+            self._drift = self._seen = self._position
             self._begun = False
         self._jumped_s, self._leapt = 0.0, False
         self._blade, self._push, self.moved_s = blade, 0.0, 0.0
@@ -86,10 +95,27 @@ class Registration:
                 self.moved_s = self.moved_s + step_s if size > limit else 0.0
                 bounded = offset * min(1.0, MOST_M / max(size, 1e-6))
                 self._drift = self._drift + (bounded - self._drift) * (step_s / (TIME_S + step_s))
-                self.aim_w = self.aim_w + (bounded - self.aim_w) * (step_s / (AIM_TIME_S + step_s))
+                self._seen = self._seen + (bounded - self._seen) * (step_s / (AIM_TIME_S + step_s))
+                self._learn(offset, leg, flight, step_s)
         self._push_outward(flight, leg)
-        self.shift_w = self._drift + self._push * leg.view_w
+        along = _along(self._position, leg)
+        # What is small may as well be the fit's own error: only a real drift is followed.
+        size = float(np.linalg.norm(along))
+        along = along * (size**2 / (size**2 + DOUBT_M**2))
+        self.aim_w = self._seen - _along(self._seen, leg) + along
+        self.shift_w = self._drift - _along(self._drift, leg) + along + self._push * leg.view_w
         return self.shift_w
+
+    def _learn(self, offset: Float, leg: Leg, flight: Flight, step_s: float) -> None:
+        """Learn the position's own drift, near the root, where a blade hardly droops.
+
+        Across this blade it is what is seen here; along it, what was seen of blades that lie
+        otherwise. So the metre of a photo is right although no blade shows it.
+        """
+        if leg.metre_of(flight.here_w) > NO_DROOP_SHARE * leg.length_m:
+            return
+        across = self._position - _along(self._position, leg)
+        self._position = self._position + (offset - across) * (step_s / (LEARN_S + step_s))
 
     def _jumped(self, offset: Float, step_s: float) -> bool:
         """Return whether an offset is not believed yet, because it came from one scan to the next.
@@ -120,6 +146,11 @@ class Registration:
             self._push = min(self._push + step, MOST_PUSH_M)
         elif near > least + 0.5 or not ahead:
             self._push = max(self._push - step / 2, 0.0)
+
+
+def _along(vector_w: Float, leg: Leg) -> Float:
+    """Return the part (3,) of a vector along the blade."""
+    return float(vector_w @ leg.axis_w) * leg.axis_w
 
 
 def _age_s(flight: Flight) -> float:

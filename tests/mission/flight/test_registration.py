@@ -11,7 +11,7 @@ from mission.flight.phases.registration import Registration
 
 LEG = SimpleNamespace(
     blade="A", view_w=np.array([0.0, -1.0, 0.0]), metre_of=lambda _: 10.0, axis_w=np.eye(3)[2],
-    centre=lambda _: np.zeros(3),
+    centre=lambda _: np.zeros(3), length_m=40.0,
 )  # fmt: skip
 
 
