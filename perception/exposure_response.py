@@ -25,7 +25,7 @@ KNOTS: Float = np.array(
 #: Grey that has EV 0: near the target, so that what is learned elsewhere does not move it.
 ANCHOR = 135.0
 #: Cameras add contrast to sRGB: by so much flatter at the white end, steeper in the shadows.
-SHOULDER, TOE = 0.6, 0.15
+SHOULDER, TOE = 0.6, 0.25
 #: Greys nearer to the ends than this are crushed or clipped and say nothing.
 DARK, BRIGHT = 6.0, 247.0
 #: Changes smaller than this (EV) drown in what else changes between two pictures.

@@ -25,7 +25,8 @@ LIKELY_S = (-0.05, 0.5)
 GOOD = 0.2
 #: What a latency outside `LIKELY_S` costs from the start; evidence outweighs it.
 _UNLIKELY = 0.35
-_KEPT = 0.9
+#: What one change of EV leaves of the evidence before it.
+_KEPT = 0.85
 _MOST_COST = 1.0
 #: A wish that was not confirmed after this was refused or overtaken.
 _GIVEN_UP_S = 1.5
@@ -147,7 +148,9 @@ class EvTimeline:
                 off = np.minimum(np.abs(change_ev - changes) / larger, 1.0)
                 weight = self._weight(stamp_s)
                 costs = off**2 * np.minimum(larger, _MOST_COST)
-                self._costs = _KEPT**weight * self._costs + weight * costs
+                # One change keeps frames voting all through the range of latencies.
+                share = (stamp_s - self._last[0]) / float(LATENCIES_S[-1] - LATENCIES_S[0])
+                self._costs = _KEPT ** (weight * share) * self._costs + weight * costs
                 self._costs -= self._costs.min()
         self._last = (stamp_s, evs)
 
