@@ -192,6 +192,8 @@ class ExposureState:
     clipped: float = 0.0
     """Share of metered pixels that are saturated."""
     pixels: int = 0
+    at_limit: bool = False
+    """The camera has no EV that would bring the blade into range."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,6 +28,7 @@ from perception.clearance import OccupancyMemory, RepeatedScans
 from perception.deskew import points_in_world
 from perception.exposure import ExposureControl, exposure_control
 from perception.exposure_limits import EvSteps
+from perception.frame_check import FrameCheck
 from perception.geometry import camera_looking_along, pinhole_matrix, rotation_from_quaternion
 from perception.metering import (
     Metered,
@@ -76,6 +77,7 @@ class TrackingWorker:
         self._follower = BladeFollower(self._turbines)
         self._exposure: ExposureControl | None = None
         self._told_s = float("-inf")
+        self._frames = FrameCheck()
         self._foot_w: Vec3 | None = None
         bus.subscribe_newest(Key.FRAME, self._take_frame)
 
@@ -152,7 +154,9 @@ class TrackingWorker:
             return
         self._inbox.tell_taken("tracking", "frame", frame.stamp_s)
         control = self._control()
-        if control is None or self._inbox.task.mode is not SensingMode.BLADE:
+        now_s = self._inbox.poses[-1].stamp_s if self._inbox.poses else frame.stamp_s
+        usable = self._frames.usable(frame.grey, frame.stamp_s, now_s)
+        if control is None or not usable or self._inbox.task.mode is not SensingMode.BLADE:
             return
         metered = self._meter(frame)
         if metered is None:
@@ -166,6 +170,7 @@ class TrackingWorker:
             ev_wanted=wanted,
             clipped=metered.clipped,
             pixels=metered.pixels,
+            at_limit=control.at_limit,
         )
         self._bus.publish(Key.EXPOSURE, _EXPOSURE.dump_json(state))
 
