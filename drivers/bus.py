@@ -204,11 +204,28 @@ class Bus:
 
     def subscribe(self, key: str, on_sample: Callable[[Sample], None]) -> None:
         """Call back with every sample of a key (`**` for all), in order."""
+        self.follow(key, on_sample)
+
+    def follow(
+        self, key: str, on_sample: Callable[[Sample], None], vehicle: str = ""
+    ) -> Callable[[], None]:
+        """Call back with every sample of a key until the returned function is called.
+
+        ``vehicle``: whose, where the session was opened for all.
+        """
 
         def receive(sample: zenoh.Sample) -> None:
             self._deliver(on_sample, self._sample(sample))
 
-        self._keep.append(self._session.declare_subscriber(self._prefix + key, receive))
+        prefix = f"bladescout/{vehicle}/" if vehicle else self._prefix
+        subscriber = self._session.declare_subscriber(prefix + key, receive)
+        self._keep.append(subscriber)
+
+        def end() -> None:
+            self._keep.remove(subscriber)
+            subscriber.undeclare()
+
+        return end
 
     def subscribe_newest(self, key: str, on_sample: Callable[[Sample], None]) -> None:
         """Call back with the newest sample only: a slow reader never sees old ones."""
@@ -280,10 +297,16 @@ class Bus:
             client = f"{client} urgent"
         return Ask(verb, who, bytes(payload[: MAX_REQUEST_BYTES + 1])), client
 
-    def request(self, key: str, payload: bytes, timeout_s: float = 3.0) -> bytes | None:
-        """Ask and wait (blocking); None when nobody answers."""
+    def request(
+        self, key: str, payload: bytes, timeout_s: float = 3.0, vehicle: str = ""
+    ) -> bytes | None:
+        """Ask and wait (blocking); None when nobody answers.
+
+        ``vehicle``: whom, where the session was opened for all.
+        """
+        prefix = f"bladescout/{vehicle}/" if vehicle else self._prefix
         replies = self._session.get(
-            self._prefix + key,
+            prefix + key,
             payload=payload,
             timeout=timeout_s,
             encoding="application/json",

@@ -119,6 +119,14 @@ def encode_frame(frame: Frame, quality: int = 80) -> tuple[bytes, bytes]:
     return image.SerializeToString(), _SEQUENCE.pack(frame.sequence, 0)
 
 
+def jpeg_of(payload: bytes) -> bytes:
+    """Return the JPEG of a frame's message as it came. Raises `BadMessage`."""
+    try:
+        return bytes(CompressedImage.FromString(payload).data)
+    except DecodeError as error:
+        raise BadMessage(f"not a foxglove.CompressedImage: {error}") from error
+
+
 def decode_frame(payload: bytes, attachment: bytes | None) -> Frame:
     """Return the frame of a message. Raises `BadMessage`."""
     try:

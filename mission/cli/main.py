@@ -15,6 +15,7 @@ import typer
 from mission.cli import (
     bench_command,
     config_command,
+    console_command,
     estimate_command,
     keys_command,
     remote_commands,
@@ -39,6 +40,7 @@ app.command("simulate")(simulation.simulate_command)
 app.command("serve")(serve_command.serve)
 remote_commands.mount(app)
 app.command("watch")(watch_command.watch)
+app.command("console")(console_command.console)
 app.command("keys")(keys_command.keys)
 app.command("install-service")(service_command.install_service)
 report_commands.mount(app)

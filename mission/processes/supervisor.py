@@ -36,7 +36,9 @@ class Supervisor:
     def __init__(self, settings: Settings, run_dir: Path) -> None:
         self._settings = settings
         self._run_dir = run_dir
-        self._history = History()
+        camera = settings.camera
+        shorter_mm = min(camera.sensor_width_mm, camera.sensor_height_mm)
+        self._history = History(view=shorter_mm / camera.focal_length_mm)
         self._bus: Bus | None = None
         keys = settings.bus.keys
         roles = read_roles(Path(keys)) if keys else {}

@@ -29,7 +29,9 @@ _ROTOR = TypeAdapter(RotorEstimate)
 class History:
     """Collects from the bus what a late joiner needs; bounded."""
 
-    def __init__(self) -> None:
+    def __init__(self, view: float = 0.3) -> None:
+        """``view``: metres that a picture spans for each metre of distance, the shorter way."""
+        self._half_view = view / 2
         self.state: StateMessage | None = None
         self.rotor: RotorEstimate | None = None
         self.sensing: SensingHealth | None = None
@@ -87,6 +89,7 @@ class History:
                 side=taken.side,
                 metre=taken.metre,
                 distance_m=taken.distance_m,
+                half_m=taken.distance_m * self._half_view,
             )
         elif sample.key == Key.PHOTO_RESULT:
             result = PhotoResultMessage.model_validate_json(sample.payload)

@@ -123,6 +123,8 @@ class PhotoShown(Message):
     side: str
     metre: float
     distance_m: float
+    half_m: float
+    """Half the length of the blade that the picture spans."""
     kept: bool | None = None
     """None: not judged yet."""
 

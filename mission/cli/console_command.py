@@ -1,0 +1,46 @@
+"""`bladescout console`: a page on the ground for all vehicles of a router."""
+
+from __future__ import annotations
+
+import time
+from typing import Annotated
+
+import typer
+
+from mission.cli.exits import Exit, end
+from mission.cli.remote_commands import DEFAULT_ROUTER, Keys, Router
+
+
+def console(
+    router: Router = DEFAULT_ROUTER,
+    keys: Keys = "",
+    port: Annotated[int, typer.Option(help="Port of this computer; 0 takes a free one.")] = 8480,
+    open_: Annotated[bool, typer.Option("--open/--no-open", help="Open a browser.")] = False,
+) -> None:
+    """Serve the console on this computer until Ctrl-C: states, map, rotor, picture, requests."""
+    from drivers.bus import BusUnreachable
+    from drivers.bus_session import BusNotSafe
+    from drivers.certificates import BadCertificate
+    from mission.remote.client import NO_REPLY, bus_settings
+    from mission.remote.console.board import Board
+    from mission.remote.console.server import ConsoleServer
+
+    try:
+        board = Board(bus_settings(router, keys))
+    except (BusNotSafe, BadCertificate) as error:
+        end(Exit.CONFIGURATION, str(error))
+    except BusUnreachable:
+        end(Exit.DEVICE, f"{router}: {NO_REPLY}")
+    try:
+        server = ConsoleServer(board, port)
+    except OSError as error:
+        end(Exit.DEVICE, f"port {port} of this computer: {error.strerror or error}")
+    with board, server:
+        typer.echo(f"the console is at {server.url} (Ctrl-C ends it)")
+        if open_:
+            typer.launch(server.url)
+        try:
+            while True:
+                time.sleep(3600)
+        except KeyboardInterrupt:
+            return
