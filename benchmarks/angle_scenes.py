@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.angle_sites import Site, site_parts
-from benchmarks.blade_family import Planform, blade_mesh, draw_planform, known_turbine
+from benchmarks.blade_family import Planform, TowerShape, blade_mesh, draw_planform, known_turbine
 from config.turbine import Turbine
 from drivers.open3d_runtime import load_open3d
 from perception.geometry import lidar_in_body, rotation_from_euler
@@ -212,7 +212,11 @@ def build_world(rng: np.random.Generator, opt: SceneOptions, seed: int) -> World
     scene = load_open3d().t.geometry.RaycastingScene(nthreads=1)
     for vertices, faces in parts:
         scene.add_triangles(_tensor(vertices.astype(np.float32)), _tensor(faces.astype(np.uint32)))
-    turbine = known_turbine(plan, tilt, cone, overhang, rng)
+    told = np.random.default_rng([seed, 0x70]).uniform(0.98, 1.02, 2)  # of the diameters
+    tower = TowerShape(
+        float(hub[2]), height - 2.0, 2 * base_radius * told[0], 2 * top_radius * told[1]
+    )
+    turbine = known_turbine(plan, tilt, cone, overhang, tower, rng)
     return World(
         scene, hub, normal, -tower_up, angles[0], pitch, np.stack(directions), plan, turbine
     )

@@ -255,8 +255,23 @@ def blade_mesh(
     return np.concatenate(rings), faces
 
 
+@dataclass(frozen=True, slots=True)
+class TowerShape:
+    """A conical tower, as its owner knows it."""
+
+    hub_height_m: float
+    height_m: float
+    base_diameter_m: float
+    top_diameter_m: float
+
+
 def known_turbine(
-    plan: Planform, tilt_deg: float, cone_deg: float, overhang_m: float, rng: np.random.Generator
+    plan: Planform,
+    tilt_deg: float,
+    cone_deg: float,
+    overhang_m: float,
+    tower: TowerShape,
+    rng: np.random.Generator,
 ) -> Turbine:
     """Return what the owner would know: the type's shape, never exactly the blade's own."""
     chord = plan.chord_m * (1 + rng.uniform(-0.03, 0.03))
@@ -273,15 +288,15 @@ def known_turbine(
         source="bench draw",
         shape="published",
         rated_mw=2.0,
-        hub_height_m=100.0,
+        hub_height_m=tower.hub_height_m,
         rotor_diameter_m=2 * plan.radius_m,
         blade_length_m=plan.length_m,
         hub_radius_m=plan.hub_radius_m,
         tilt_deg=tilt_deg,
         cone_deg=cone_deg,
         overhang_m=overhang_m,
-        tower_height_m=98.0,
-        tower_base_diameter_m=4.5,
-        tower_top_diameter_m=2.6,
+        tower_height_m=tower.height_m,
+        tower_base_diameter_m=tower.base_diameter_m,
+        tower_top_diameter_m=tower.top_diameter_m,
         blade=shape,
     )

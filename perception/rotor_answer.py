@@ -36,7 +36,7 @@ SIGMA_FACTOR = (1.65, 1.45, 1.5, 1.6, 2.15, 2.15)
 IEA-3.4-130 and drawn ones (`benchmarks`, seeds 52000-52359, every other with any pitch)."""
 KNOWN_SHARE = 0.7
 """Where the shape is the type's own, less of the error is the shape's."""
-TOWER_SIGMA_FACTOR = 1.15
+TOWER_SIGMA_FACTOR = 0.95
 GRAVITY_SIGMA_RAD = math.radians(0.65)
 """Of straight down by gravity against the tower: its lean, and the attitude's error."""
 FLOOR_DEG = 0.05

@@ -29,7 +29,10 @@ SYSTEMATIC_M = 0.008
 """Of one end of the axis against the other: bands, ladders, taper that is not linear."""
 SHAFT_SIGMA_M = 0.08
 """How near the tower's axis passes the shaft; the hub's own error is part of it."""
-FORMAL_FACTOR = 1.2
+FORMAL_FACTOR = 0.65
+"""Error over formal error on scenes: outline points err less than their sigma, and not alike."""
+GATE = 6.0
+"""Sigmas of gravity that a tower may stand off it and still be one."""
 ITERATIONS = 12
 #: Of x0, lean x, y0, lean y, radius and taper: near vertical, size and taper of real towers.
 PRIOR_MEAN = np.array([0.0, 0.0, 0.0, 0.0, 1.6, 0.01])
@@ -88,7 +91,7 @@ def tower_reference(
     lean_x = float(params[1])
     sigma = math.hypot(math.sqrt(covariance[1, 1]) * FORMAL_FACTOR, SYSTEMATIC_M / length)
     weight = GRAVITY_SIGMA_RAD**2 / (GRAVITY_SIGMA_RAD**2 + sigma**2)
-    if abs(lean_x) > 4 * math.hypot(GRAVITY_SIGMA_RAD, sigma):
+    if abs(lean_x) > GATE * math.hypot(GRAVITY_SIGMA_RAD, sigma):
         return None
     direction = down_w + weight * lean_x * axes[0]
     direction = direction / np.linalg.norm(direction)
