@@ -40,8 +40,10 @@ MIN_STRETCH_M = 2.0
 SLANTS_DEG = (-30, -20, 20, 30)
 #: Left beside the blade where it is photographed in rows.
 ROW_MARGIN_M = 0.25
-#: One row does where at least so much is left beside the blade.
-ROW_SPARED_M = 0.05
+#: The speed at which closer photos along a blade begin to slow the flight.
+PACE_MPS = 1.9
+#: A strip as wide as this at the chord's ends is no reason to fly along the blade once more.
+ROW_SPARED_M = 0.15
 #: How far gusts rock the airframe, and the LiDAR with it.
 WOBBLE_DEG = 3.0
 UPRIGHT: Float = np.array([0.0, 0.0, 1.0])
@@ -385,15 +387,24 @@ def _legs(
     section = Section(frame, turbine, grid)
     footprint = footprint_m(frame.axis_w, view.view_w, float(distance.min()), settings)
     overlap = settings.tracking.overlap
+    across, half_width = section.across(view.view_w), section.half_width(view.view_w)
+    # Photos that lie closer show more of the chord: up to the camera's own pace they cost no time,
+    # while a second row is a second flight along the blade.
+    wide = footprint * (1 - overlap)
+    close = min(wide, PACE_MPS * settings.camera.min_interval_s)
+    for spacing in (wide, close):
+        room = np.array(
+            [
+                half_across_m(frame.axis_w, view.view_w, float(d), spacing, settings)
+                for d in distance
+            ]
+        )
+        rows = half_width - room > ROW_SPARED_M
+        if not rows.any():
+            break
+    overlap = 1 - spacing / footprint
     photos = photo_metres(float(grid[0]), float(grid[-1]), footprint, overlap)
-    across = section.across(view.view_w)
-    spacing = footprint * (1 - overlap)
-    room = np.array(
-        [half_across_m(frame.axis_w, view.view_w, float(d), spacing, settings) for d in distance]
-    )
-    over = section.half_width(view.view_w) - room
-    rows = over > -ROW_SPARED_M
-    over = np.maximum(over + ROW_MARGIN_M, 0.0) * float(rows.any())
+    over = np.maximum(half_width - room + ROW_MARGIN_M, 0.0) * float(rows.any())
     one = Leg(
         frame.name, side, frame.root_w, frame.axis_w, view.view_w, float(view.turn_deg),
         grid, distance, footprint, photos, frame.length_m,
