@@ -27,6 +27,7 @@ from mission.flight.ledger import Ledger
 from mission.flight.observation import Observation, Request, RotorEstimate, Vec3, Vehicle
 from mission.flight.plan import Plan
 from mission.flight.rotor_model import RotorModel
+from mission.flight.seen_space import SeenSpace
 from mission.flight.trajectory import Follower, Path
 from perception.geometry import rotation_from_quaternion
 from perception.values import Float
@@ -34,6 +35,8 @@ from perception.values import Float
 #: Kept outside the closed sphere, for the vehicle's own wander.
 SPHERE_MARGIN_M = 2.0
 CORRIDOR_STEP_M = 1.5
+#: Between two notes of where the LiDAR looks.
+LOOK_S = 0.19
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +105,8 @@ class Flight:
         self.raised: set[Event] = set()
         """Events that a phase found itself; the watch reads them."""
         self.rotor_open = False
+        self.seen = SeenSpace(settings.lidar)
+        self._looked_s = -math.inf
         self.corridor_w: Float = np.zeros((0, 3))
         self._lines: list[Float] = []
 
@@ -196,7 +201,18 @@ class Flight:
             model=self.model,
             corridor_w=self.corridor_w,
             home_w=self.home_w,
+            seen=self.seen if self.model is None else None,
         )
+
+    def look(self) -> None:
+        """Note where the LiDAR looks at this tick, while its scans are fresh."""
+        clearance, vehicle = self.observation.clearance, self.observation.vehicle
+        if clearance is None or vehicle is None or self.home_w is None:
+            return
+        fresh = self.now_s - clearance.stamp_s < self.settings.guard.scan_hold_s
+        if fresh and self.now_s - self._looked_s > LOOK_S and np.isfinite(self.here_w).all():
+            self._looked_s = self.now_s
+            self.seen.look(self.here_w, vehicle.quaternion_wb)
 
     def open_corridor(self, lines: Sequence[Float]) -> None:
         """Open the lines (K, 3) of a plan, and those flown from now on."""

@@ -23,6 +23,7 @@ from config.settings import Settings
 from mission.flight.command import Command, Phase, Setpoint
 from mission.flight.observation import Observation, Vec3
 from mission.flight.rotor_model import RotorModel
+from mission.flight.seen_space import SeenSpace
 from perception.values import Float
 
 #: PX4 comes to rest this long after a setpoint's velocity beyond its position (1 / MPC_XY_P).
@@ -33,6 +34,8 @@ CORRIDOR_M = 6.0
 NEAR_M = 25.0
 POSITION_STALE_S = 0.5
 RETREAT_MPS = 0.5
+#: A setpoint that leads no farther moves nothing.
+STILL_M = 0.05
 TICK_S = 0.05
 LEAVING = frozenset({Phase.STAND_OFF, Phase.RETURN})
 
@@ -63,6 +66,8 @@ class Airspace:
     corridor_w: Float
     """(M, 3) points of the plan's lines, about a metre apart."""
     home_w: Vec3 | None
+    seen: SeenSpace | None = None
+    """Where the LiDAR has looked, while nothing else is known of the inside of the sphere."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +131,7 @@ class Guard:
             self._outside_bounds(trimmed, here, airspace)
             or self._blind(observation, near, leaving, trimmed, here)
             or self._closed(trimmed, here, airspace, leaving)
+            or self._unseen(trimmed, here, airspace, leaving)
         )
         if reason:
             return self._answer(command, hold, reason, True, near)
@@ -197,13 +203,11 @@ class Guard:
         here: Float,
     ) -> str:
         """Near the turbine nothing moves on old scans, except outward along the known way."""
-        scan = observation.clearance
-        fresh = scan is not None and not scan.repeated
-        if fresh and scan is not None:
-            fresh = observation.now_s - scan.stamp_s <= self._bounds.scan_hold_s
+        scan, oldest_s = observation.clearance, observation.now_s - self._bounds.scan_hold_s
+        fresh = scan is not None and not scan.repeated and scan.stamp_s >= oldest_s
         if fresh or not near.is_near or (leaving and near.moves_outward(setpoint)):
             return ""
-        still = float(np.linalg.norm(_rest(setpoint) - here)) < 0.05
+        still = float(np.linalg.norm(_rest(setpoint) - here)) < STILL_M
         known_way = leaving and near.on_corridor(_rest(setpoint))
         return "" if still or known_way else "no fresh scan"
 
@@ -223,6 +227,19 @@ class Guard:
         if not _within(rest, airspace.corridor_w, CORRIDOR_M):
             return "outside the plan's corridors"
         return ""
+
+    def _unseen(self, setpoint: Setpoint, here: Float, airspace: Airspace, leaving: bool) -> str:
+        """Inside the sphere, where only the LiDAR knows, nothing is entered that it never saw."""
+        if airspace.sphere_w is None or airspace.seen is None or leaving:
+            return ""
+        rest = _rest(setpoint)
+        moved = rest - here
+        far = float(np.linalg.norm(moved))
+        inside = float(np.linalg.norm(rest - airspace.sphere_w)) < airspace.sphere_radius_m
+        if far < STILL_M or not inside:
+            return ""
+        tip = rest + moved * (self._airframe.radius_m / far)
+        return "" if airspace.seen.seen(np.stack([rest, tip])) else "a place never seen"
 
     def _slow_closing(
         self, setpoint: Setpoint, here: Float, velocity: Float, near: _Near

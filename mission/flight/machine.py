@@ -132,6 +132,7 @@ class Machine:
         gap = observation.now_s - flight.now_s
         flight.dt_s = min(max(gap, 1e-3), 0.2) if flight.observation.tick >= 0 else 0.05
         flight.observation = observation
+        flight.look()
         self._photos(observation)
         self._released_by_mode()
         intent = self._decided(observation)
