@@ -21,8 +21,11 @@ from perception.values import Bytes, CameraPose, Float
 WHITE = 253
 BLACK = 2
 MIN_PIXELS = 12
-#: The whole picture is counted on every so many pixels both ways.
-_COUNTED_EVERY = 4
+#: The whole picture is counted on about so many columns.
+_COUNTED_ACROSS = 200
+#: Parts of a pixel that OpenCV draws to, and their bits.
+_FINE_BITS = 4
+_FINE = 1 << _FINE_BITS
 _LOW_SHARE = 0.1
 
 
@@ -59,7 +62,7 @@ def meter_disc(grey: Bytes, centre_px: Float | None, radius_px: float) -> Metere
     across = (np.arange(left, right) - x) ** 2
     down = (np.arange(top, bottom) - y) ** 2
     inside = down[:, None] + across[None, :] <= radius_px * radius_px
-    return _metered(grey[top:bottom, left:right], inside)
+    return _metered(grey[top:bottom, left:right], inside.astype(np.uint8))
 
 
 def meter_point(
@@ -124,29 +127,35 @@ def meter_outline(
     mask = np.zeros((end[1] - corner[1], end[0] - corner[0]), np.uint8)
     cv2.fillPoly(mask, [np.round(polygon - corner).astype(np.int32)], 1)
     if near_px is not None and np.isfinite(reach_px):
-        x = np.arange(corner[0], end[0]) - near_px[0]
-        y = np.arange(corner[1], end[1]) - near_px[1]
-        mask[(y * y)[:, None] + (x * x)[None, :] > reach_px * reach_px] = 0
-    return _metered(grey[corner[1] : end[1], corner[0] : end[0]], mask.astype(bool))
+        disc = np.zeros_like(mask)
+        x, y = np.round(_FINE * (near_px - corner)).astype(int)
+        cv2.circle(disc, (int(x), int(y)), round(_FINE * reach_px), 1, -1, cv2.LINE_8, _FINE_BITS)
+        mask &= disc
+    return _metered(grey[corner[1] : end[1], corner[0] : end[0]], mask)
 
 
 def meter_mask(grey: Bytes, mask: NDArray[np.bool_]) -> Metered | None:
     """Return the metering of the pixels of a mask (H, W)."""
-    return _metered(grey, mask)
+    return _metered(grey, mask.astype(np.uint8))
 
 
 def histogram_of(grey: Bytes) -> NDArray[np.int64]:
     """Return (256,) counts of a picture's greys, on a grid of its pixels."""
-    thinned = grey[::_COUNTED_EVERY, ::_COUNTED_EVERY]
-    return np.bincount(thinned.ravel(), minlength=256).astype(np.int64)
+    every = max(1, grey.shape[1] // _COUNTED_ACROSS)
+    return _counts(np.ascontiguousarray(grey[::every, ::every]), None)
 
 
-def _metered(window: Bytes, inside: NDArray[np.bool_]) -> Metered | None:
-    values = window[inside]
-    if len(values) < MIN_PIXELS:
+def _counts(picture: Bytes, mask: Bytes | None) -> NDArray[np.int64]:
+    counts = cv2.calcHist([picture], [0], mask, [256], [0, 256])
+    return np.asarray(counts).ravel().astype(np.int64)
+
+
+def _metered(window: Bytes, inside: Bytes) -> Metered | None:
+    """Return the metering of the pixels of a window (H, W) where ``inside`` is not 0."""
+    counts = _counts(window, inside)
+    total = int(counts.sum())
+    if total < MIN_PIXELS:
         return None
-    counts = np.bincount(values, minlength=256)
-    total = len(values)
     return Metered(
         mean_grey=float(counts @ np.arange(256) / total),
         clipped=float(counts[WHITE:].sum() / total),
