@@ -19,6 +19,7 @@ from typing import Self
 
 from config.settings import Settings
 from drivers.autopilot import AutopilotLink
+from drivers.camera_definition import DefinitionFile
 from drivers.clock import Clock
 from drivers.payload_camera import PhotoTaken, Shutter
 from drivers.payload_exposure import ExposureControl
@@ -79,6 +80,7 @@ class Payload:
             lambda: self.online,
             settings.exposure.step_ev,
             settings.camera.shutter_s,
+            DefinitionFile(link.wire, settings.camera.component_id).read,
         )
         self._tasks: list[asyncio.Task[None]] = []
 

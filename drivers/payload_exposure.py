@@ -3,8 +3,10 @@
 `CAM_EV` is the exposure value; `CAM_EXPMODE` (0 automatic, 1 manual) says whether it is absolute
 or biases an automatic exposure: manual is chosen where the camera has it. `CAM_SHUTTER` is asked
 to be as short as the flight wishes, where the camera lets it be set: a quick shutter and a higher
-ISO blur less. A camera without `CAM_EV` has no EV control, and says so by None. What the camera
-applied is read back, because cameras clamp and round: the report is theirs, never the wish.
+ISO blur less. A camera without `CAM_EV` is exposed by `CAM_SHUTTERSPD` and `CAM_ISO`, their values
+at first hearing being EV 0; one without these has no control, and says so by None. Which values
+there are, the camera's definition file tells, else the limits, else nobody. What the camera applied
+is read back, because cameras clamp and round: the report is theirs, never the wish.
 """
 
 from __future__ import annotations
@@ -13,17 +15,27 @@ import asyncio
 import contextlib
 import logging
 import math
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 
 from drivers.autopilot_errors import LinkFailed, Refused
 from drivers.autopilot_parameters import Parameters
 from drivers.autopilot_wire import Wire
+from drivers.camera_definition import CameraDefinition, ParameterValues
 from drivers.clock import Clock
+from drivers.exposure_table import (
+    USUAL_ISOS,
+    USUAL_SHUTTERS_S,
+    ExposureTable,
+    pair_ev,
+    table_of_evs,
+    table_of_pairs,
+)
 
 _log = logging.getLogger(__name__)
 
 _EV, _MODE, _SHUTTER = "CAM_EV", "CAM_EXPMODE", "CAM_SHUTTER"
 _EV_MIN, _EV_MAX, _EV_STEP = "CAM_EV_MIN", "CAM_EV_MAX", "CAM_EV_STEP"
+_SPEED, _ISO = "CAM_SHUTTERSPD", "CAM_ISO"
 _MANUAL = 1.0
 _RETRY_S = 2.0
 _LOOK_S = 0.2
@@ -37,7 +49,7 @@ class ExposureControl:
     ``step_ev``: the steps to snap to, within -3 to +3, unless the camera tells (`CAM_EV_MIN`,
     `CAM_EV_MAX`, `CAM_EV_STEP`) or shows other ones.
     ``online`` says whether the camera is there to be asked. ``shutter_s``: the exposure time to
-    ask for; None leaves the camera's own.
+    ask for; None leaves the camera's own. ``definition`` reads the camera's definition file.
     """
 
     def __init__(
@@ -48,6 +60,7 @@ class ExposureControl:
         online: Callable[[], bool],
         step_ev: float,
         shutter_s: float | None = None,
+        definition: Callable[[], Awaitable[CameraDefinition | None]] | None = None,
     ) -> None:
         self._parameters = Parameters(wire, component_id, extended=True)
         self._clock = clock
@@ -71,6 +84,10 @@ class ExposureControl:
         self.shutter_s: float | None = None
         """Exposure time in force, as the camera last said."""
         self._wanted_shutter_s = shutter_s
+        self._definition = definition
+        self._table: ExposureTable | None = None
+        self._zero: tuple[float, float] | None = None
+        """Shutter (s) and ISO that are EV 0, of a camera without EV."""
         self.refusals = 0
         """Wishes in a row that the camera refused or changed."""
 
@@ -85,6 +102,9 @@ class ExposureControl:
 
     def snap(self, ev: float) -> float:
         """Return the nearest EV that the camera has."""
+        if self._table is not None:
+            bounded = max(self.min_ev, min(self.max_ev, ev))
+            return self._table.nearest(bounded).ev
         nearest = round(ev / self.step_ev) * self.step_ev
         return max(self.min_ev, min(self.max_ev, nearest))
 
@@ -122,7 +142,7 @@ class ExposureControl:
 
     async def _learn(self) -> None:
         values = await self._parameters.read((_EV, _MODE, _SHUTTER))
-        if not values:
+        if not values and not await self._parameters.read((_SPEED, _ISO)):
             # No answer at all is not yet a camera without control; it is asked again.
             self._silences += 1
             self.known = self._silences >= _SILENCES
@@ -141,23 +161,57 @@ class ExposureControl:
             except Refused as error:
                 _log.info("the shutter stays the camera's own: %s", error)
             values |= await self._parameters.read((_SHUTTER,))
-        limits = await self._parameters.read((_EV_MIN, _EV_MAX, _EV_STEP))
-        self.min_ev = limits.get(_EV_MIN, self.min_ev)
-        self.max_ev = limits.get(_EV_MAX, self.max_ev)
-        if limits.get(_EV_STEP, 0.0) > 0:
-            self.step_ev = limits[_EV_STEP]
         self.manual = values.get(_MODE) == _MANUAL
-        self.ev = values.get(_EV)
-        self.shutter_s = values.get(_SHUTTER)
+        definition = {} if self._definition is None else await self._definition() or {}
+        if _EV in values:
+            await self._learn_evs(definition.get(_EV, ParameterValues()))
+            self.ev = values[_EV]
+        elif self.manual or _MODE not in values:
+            await self._learn_pairs(definition)
+            self.manual = self.ev is not None
+        self.shutter_s = values.get(_SHUTTER, self.shutter_s)
         self.ev_stamp_s = self._clock.now_s()
         self.known = True
 
+    async def _learn_evs(self, told: ParameterValues) -> None:
+        """Take the EVs that there are: the list, else what the parameters say, else the file."""
+        self._table = table_of_evs(_EV, told.options) if len(told.options) > 1 else None
+        if self._table is not None:
+            self.min_ev, self.max_ev = self._table.min_ev, self._table.max_ev
+            self.step_ev = self._table.step_ev
+            return
+        limits = await self._parameters.read((_EV_MIN, _EV_MAX, _EV_STEP))
+        least, most = limits.get(_EV_MIN, told.least), limits.get(_EV_MAX, told.most)
+        step = limits.get(_EV_STEP, told.step)
+        self.min_ev = self.min_ev if least is None else least
+        self.max_ev = self.max_ev if most is None else most
+        if step is not None and step > 0:
+            self.step_ev = step
+
+    async def _learn_pairs(self, definition: CameraDefinition) -> None:
+        """Make EVs of shutter and ISO, where the camera has both and is manual."""
+        pair = await self._parameters.read((_SPEED, _ISO))
+        time_s, iso = pair.get(_SPEED, 0.0), pair.get(_ISO, 0.0)
+        self._table = self.ev = None
+        if time_s <= 0 or iso <= 0:
+            return
+        self._zero = self._zero or (time_s, iso)
+        times = definition.get(_SPEED, ParameterValues()).options or USUAL_SHUTTERS_S
+        isos = definition.get(_ISO, ParameterValues()).options or USUAL_ISOS
+        longest_s = self._wanted_shutter_s or time_s
+        self._table = table_of_pairs((_SPEED, times), (_ISO, isos), self._zero, longest_s)
+        self.min_ev, self.max_ev = self._table.min_ev, self._table.max_ev
+        self.step_ev = self._table.step_ev
+        self.ev, self.shutter_s = pair_ev(time_s, iso, self._zero), time_s
+
     async def _apply(self, wanted: float) -> None:
-        await self._parameters.set(_EV, wanted)
+        if self._zero is None or self._table is None:
+            await self._parameters.set(_EV, wanted)
+        else:
+            for name, value in self._table.nearest(wanted).parameters:
+                await self._parameters.set(name, value)
         confirmed_s = self._clock.now_s()
-        told = await self._parameters.read((_EV, _SHUTTER))
-        applied = told.get(_EV)
-        self.shutter_s = told.get(_SHUTTER, self.shutter_s)
+        applied = await self._applied()
         if applied is None:
             raise Refused(f"EV {wanted:+.2f} was acknowledged but cannot be read back")
         self.ev, self.ev_stamp_s = applied, confirmed_s
@@ -172,3 +226,16 @@ class ExposureControl:
             self.max_ev = applied
         elif applied > wanted + self.step_ev and applied < self.max_ev:
             self.min_ev = applied
+
+    async def _applied(self) -> float | None:
+        """Read back what the camera made of a wish."""
+        if self._zero is None:
+            told = await self._parameters.read((_EV, _SHUTTER))
+            self.shutter_s = told.get(_SHUTTER, self.shutter_s)
+            return told.get(_EV)
+        told = await self._parameters.read((_SPEED, _ISO))
+        time_s, iso = told.get(_SPEED, 0.0), told.get(_ISO, 0.0)
+        if time_s <= 0 or iso <= 0:
+            return None
+        self.shutter_s = time_s
+        return pair_ev(time_s, iso, self._zero)
