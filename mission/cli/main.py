@@ -17,10 +17,12 @@ from mission.cli import (
     config_command,
     console_command,
     estimate_command,
+    farm_command,
     keys_command,
     remote_commands,
     replay_command,
     report_commands,
+    router_command,
     serve_command,
     service_command,
     watch_command,
@@ -41,7 +43,9 @@ app.command("serve")(serve_command.serve)
 remote_commands.mount(app)
 app.command("watch")(watch_command.watch)
 app.command("console")(console_command.console)
+app.command("farm")(farm_command.farm)
 app.command("keys")(keys_command.keys)
+app.command("router")(router_command.router)
 app.command("install-service")(service_command.install_service)
 report_commands.mount(app)
 replay_command.mount(app)

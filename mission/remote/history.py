@@ -38,6 +38,8 @@ class History:
         self._state_heard_s = float("-inf")
         self._events: deque[EventMessage] = deque(maxlen=MAX_EVENTS)
         self._photos: dict[int, PhotoShown] = {}
+        # A verdict may overtake the photo that it is about: they are different keys.
+        self._kept: dict[int, bool] = {}
 
     @property
     def events(self) -> tuple[EventMessage, ...]:
@@ -56,6 +58,7 @@ class History:
     def begin(self) -> None:
         """A new mission begins: nothing of the last one is its own."""
         self._photos.clear()
+        self._kept.clear()
         self.rotor = None
 
     def listen(self, bus: Bus) -> None:
@@ -90,9 +93,12 @@ class History:
                 metre=taken.metre,
                 distance_m=taken.distance_m,
                 half_m=taken.distance_m * self._half_view,
+                kept=self._kept.get(taken.photo_id),
             )
         elif sample.key == Key.PHOTO_RESULT:
             result = PhotoResultMessage.model_validate_json(sample.payload)
+            if len(self._kept) < MAX_PHOTOS:
+                self._kept[result.photo_id] = result.kept
             shown = self._photos.get(result.photo_id)
             if shown is not None:
                 self._photos[result.photo_id] = shown.model_copy(update={"kept": result.kept})

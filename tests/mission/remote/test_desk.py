@@ -252,6 +252,12 @@ def test_a_late_joiner_is_told_state_events_and_photos(asker):
     ]
 
 
+def test_a_verdict_may_come_before_its_photo(asker):
+    asker.put(Key.PHOTO_RESULT, PhotoResultMessage(photo_id=4, kept=True))
+    asker.put(Key.PHOTO, photo(4, 3.0))
+    assert asker.ask("history", {"id": "x"})["photos"][0]["kept"] is True
+
+
 def test_a_new_mission_begins_without_the_photos_of_the_last(asker):
     asker.put(Key.PHOTO, photo(0, 3.0))
     asker.ask("start", START)
