@@ -18,6 +18,9 @@ from mission.remote.farm import (
 from mission.remote.messages import StateMessage
 
 
+OF_X = 'turbines = [{name = "t", vehicles = ["x"]}]\n'
+
+
 def farm(turbines=("t1", "t2", "t3"), vehicles=("heron", "stork"), **changes):
     table = {
         "operator": "Ada",
@@ -132,7 +135,7 @@ def test_a_vehicle_that_is_silent_changes_nothing():
             "named twice",
         ),
         (
-            'operator = "A"\nvehicles = [{name = "h"}]\nturbines = [{name = "t", vehicles = ["x"]}]\n',
+            'operator = "A"\nvehicles = [{name = "h"}]\n' + OF_X,
             "no vehicle 'x'",
         ),
     ],
