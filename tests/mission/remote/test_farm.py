@@ -17,7 +17,6 @@ from mission.remote.farm import (
 )
 from mission.remote.messages import StateMessage
 
-
 OF_X = 'turbines = [{name = "t", vehicles = ["x"]}]\n'
 
 
