@@ -35,6 +35,8 @@ GROUND_MARGIN_M = 12.0
 #: The distance changes by at most this per metre of blade: a gentle line to fly.
 MAX_SLOPE = 0.6
 MIN_STRETCH_M = 2.0
+#: A second view of a side is flown for at least this share of the blade.
+MIN_GAIN = 0.05
 #: Where the gimbal cannot look along the straight view, the blade is also tried from a place
 #: farther up or down its axis: the view leans along the axis by these angles.
 SLANTS_DEG = (-30, -20, 20, 30)
@@ -42,6 +44,8 @@ SLANTS_DEG = (-30, -20, 20, 30)
 ROW_MARGIN_M = 0.25
 #: The speed at which closer photos along a blade begin to slow the flight.
 PACE_MPS = 1.9
+#: A row of fewer photos is not worth its flight.
+LEAST_ROW = 3
 #: A strip as wide as this at the chord's ends is no reason to fly along the blade once more.
 ROW_SPARED_M = 0.15
 #: How far gusts rock the airframe, and the LiDAR with it.
@@ -224,13 +228,9 @@ def plan_side(
         views += _views(frame, straight, turns, SLANTS_DEG, section, around)
     best = max(views, key=lambda v: v.worth * int(v.seen.sum()) * _nearness(v))
     chosen = [(best, best.seen)]
-    missing = ~best.seen
-    if missing.any():
-        second = max(views, key=lambda v: v.worth * int((v.seen & missing).sum()))
-        gain = second.seen & missing
-        if gain.sum() >= max(3, 0.05 * len(grid)):
-            chosen.append((second, gain))
-            missing &= ~gain
+    second = _second(frame, straight, turns, section, around, best)
+    if second is not None:
+        chosen.append((second, second.seen))
     legs = tuple(
         leg
         for view, mask in chosen
@@ -244,6 +244,34 @@ def plan_side(
     unseen = tuple(_unseen(~seen, grid, best))
     planned = length - sum(u.to_m - u.from_m for u in unseen)
     return SidePass(frame.name, side, legs, unseen, planned, length)
+
+
+def _second(
+    frame: BladeFrame,
+    straight_w: Float,
+    turns: Sequence[int],
+    section: Section,
+    around: Around,
+    best: _View,
+) -> _View | None:
+    """Return the view that shows most of the longest stretch that the best one leaves unseen.
+
+    Near the root it mostly leans along the blade: from farther out one sees in under the nacelle.
+    """
+    grid = section.grid_m
+    runs = _runs(~best.seen)
+    if not runs:
+        return None
+    a, b = max(runs, key=lambda run: run[1] - run[0])
+    if b - a + 1 < max(MIN_STRETCH_M, MIN_GAIN * len(grid)):
+        return None
+    views = _views(frame, straight_w, turns, (0, *SLANTS_DEG), section.part(a, b + 1), around)
+    view = max(views, key=lambda v: v.worth * int(v.seen.sum()))
+    if view.seen.sum() < max(MIN_STRETCH_M, MIN_GAIN * len(grid)):
+        return None
+    distance = np.full(len(grid), np.nan)
+    distance[a : b + 1] = view.distance_m
+    return replace(view, distance_m=distance, reason=best.reason)
 
 
 def _nearness(view: _View) -> float:
@@ -272,7 +300,7 @@ def _views(
         for turn, slant in angles
     ]
     sees = [_sight(view_w, around) for view_w in views]
-    if any(slants):
+    if 0 not in slants:
         # Slanted views serve the gimbal alone: those that do not help need no judging.
         angles = [angle for angle, seen in zip(angles, sees, strict=True) if seen]
         views = [view_w for view_w, seen in zip(views, sees, strict=True) if seen]
@@ -414,6 +442,8 @@ def _legs(
         return [one]
     first, last = float(grid[rows][0]), float(grid[rows][-1])
     other = photo_metres(max(first, float(grid[0])), max(last, first + 0.1), footprint, overlap)
+    if len(other) < LEAST_ROW:
+        return [replace(one, aside_w=np.zeros_like(one.aside_w))]
     return [one, replace(one, photos=other, aside_w=-one.aside_w)]
 
 
@@ -430,6 +460,7 @@ class Section:
                 shape.chord_m, shape.twist_deg, shape.thickness, shape.prebend_m, shape.pitch_axis
             )
         )  # fmt: skip
+        self._turbine = turbine
         angles = pitch + np.radians(twist)
         lead = np.cos(angles)[:, None] * frame.rotation_w + np.sin(angles)[:, None] * frame.upwind_w
         self.grid_m = grid_m
@@ -438,6 +469,10 @@ class Section:
         self._middle_w = ((axis - 0.5) * chord)[:, None] * lead
         self._half_chord_w = 0.5 * chord[:, None] * lead
         self._half_thick_m = 0.5 * chord * thickness
+
+    def part(self, first: int, end: int) -> Section:
+        """Return a stretch of the grid by itself."""
+        return Section(self._frame, self._turbine, self.grid_m[first:end])
 
     def across(self, view_w: Float) -> Float:
         """Return the unit direction (3,) across the blade, square to the view."""
