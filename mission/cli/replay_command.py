@@ -137,8 +137,16 @@ def _json(commands: CommandReplay | None, estimates: PerceptionReplay | None) ->
     told: dict[str, object] = {}
     if commands is not None:
         told["commands"] = {
-            **dataclasses.asdict(commands),
+            "ticks": commands.ticks,
+            "equal": commands.equal,
             "first": None if commands.first is None else commands.first.words(),
+            "fields": dict(commands.fields),
+            "refused": commands.refused,
+            "refused_anew": commands.refused_anew,
+            "events_anew": dict(commands.events_anew),
+            "without_surroundings": commands.without_surroundings,
+            "state": commands.state,
+            "flown_s": commands.flown_s,
             "real_time_factor": commands.speed,
         }
     if estimates is not None:

@@ -18,12 +18,11 @@ _RESTED_FLUSHES = 10
 class Spool:
     """A stream as the MCAP writer wants one: write, tell, flush."""
 
-    def __init__(self, path: Path, max_waiting_bytes: int = MAX_WAITING_BYTES) -> None:
+    def __init__(self, path: Path) -> None:
         self._path = path
         self._file: int | None = None
         self._waiting = bytearray()
         self._told = 0
-        self._limit = max_waiting_bytes
         self._rest = 0
         self.fault = ""
         """Why bytes are waiting, or were lost; empty: all is on the disk's side."""
@@ -47,7 +46,7 @@ class Spool:
             self._rest -= 1
         else:
             self._try()
-        if len(self._waiting) > self._limit:
+        if len(self._waiting) > MAX_WAITING_BYTES:
             self.ended = True
             self._waiting.clear()
 

@@ -3,16 +3,25 @@ import json
 import re
 
 import cv2
+import lxml.etree
 import numpy as np
 import pytest
 
 from mission.records import report as report_module
 from mission.records.mission_file import read_mission
-from mission.records.report import MAX_THUMBNAIL_BYTES, NotAMission, write_report
-from mission.records.report_views import clock, rotor_picture
+from mission.records.report import (
+    MAX_THUMBNAIL_BYTES,
+    BadTemplate,
+    NotAMission,
+    write_report,
+)
+from mission.records.report_blade_map import not_inspected, side_maps
+from mission.records.report_course import clock
+from mission.records.report_facts import BadLogo
+from mission.records.report_rotor import rotor_picture
 from mission.records.summary import add_truth
 
-VOID = {"meta", "br", "img", "line", "path", "circle", "rect", "stop", "polyline"}
+VOID = {"meta", "br", "img"}
 
 
 class Page(html.parser.HTMLParser):
@@ -103,8 +112,84 @@ def test_repeated_warnings_are_told_once_with_their_count(page, mission_dir):
 
 def test_photographed_and_unreachable_stretches_are_drawn_to_scale(mission_dir):
     text = (mission_dir / "report.html").read_text()
-    assert f'<i style="left:{100 * 10 / 33.25:.2f}%;width:{100 * 3 / 33.25:.2f}%"' in text
-    assert f'class="unseen" style="left:0.00%;width:{100 * 3.25 / 33.25:.2f}%"' in text
+    scale = 1000 / 33.25
+    # The stretch from 0.5 m is seen by the photo at 2.5 m, the one from 10 m by the one at 11 m.
+    assert f'x="{scale * 0.5:.2f}" y="0" width="{scale * 3.5:.2f}"' in text
+    assert f'x="{scale * 10:.2f}" y="0" width="{scale * 3:.2f}"' in text
+    assert f'class="unseen" x="0.00" y="0" width="{scale * 3.25:.2f}"' in text
+
+
+def test_the_map_leaves_nothing_out_and_shows_nothing_twice(mission_dir):
+    side = side_maps(read_mission(mission_dir))[0]
+    cells = sorted([*side.seen, *side.missed, *side.unseen], key=lambda cell: cell.x)
+    ends = [0.0, *(cell.x + cell.width for cell in cells)]
+    assert [cell.x for cell in cells] == pytest.approx(ends[:-1], abs=1e-6)
+    assert ends[-1] == pytest.approx(1000.0)
+    assert len(side.missed) == 3
+
+
+def test_what_was_not_inspected_is_told_with_its_reason(mission_dir, page):
+    missing = not_inspected(read_mission(mission_dir))
+    reasons = {(gap.side, round(gap.from_m, 2)): gap.why for gap in missing}
+    assert reasons["SS", 0.0] == "less than the clearance to tower"
+    assert reasons["PS", 13.0] == "photo rejected: the blade is too dark"
+    assert "Not inspected, and why" in page.words
+    assert "not asked for: blade A: LE, TE" in page.words
+
+
+def test_a_coarse_stretch_has_the_colour_of_a_coarse_one(mission_dir, mission_json):
+    mission_json["inspection"]["max_gsd_mm"] = 0.5
+    (mission_dir / "mission.json").write_text(json.dumps(mission_json))
+    colours = {cell.colour for side in side_maps(read_mission(mission_dir)) for cell in side.seen}
+    assert colours == {"#d68a2d"}
+
+
+#: What the parser of HTML 4 does not know of HTML 5 and of SVG within it.
+YOUNGER = {"HTML_UNKNOWN_TAG"}
+
+
+@pytest.mark.parametrize("which", ["mission_dir", "refused_dir"])
+def test_a_validating_parser_finds_no_fault_in_the_page(which, request):
+    folder = request.getfixturevalue(which)
+    parser = lxml.etree.HTMLParser(huge_tree=True)
+    lxml.etree.fromstring((folder / "report.html").read_bytes(), parser)
+    assert [e for e in parser.error_log if e.type_name not in YOUNGER] == []
+
+
+def test_every_picture_says_what_it_shows_and_no_name_is_given_twice(page, mission_dir):
+    text = (mission_dir / "report.html").read_text()
+    assert all('alt="' in tag for tag in re.findall(r"<img [^>]*>", text))
+    for tag in re.findall(r"<svg [^>]*>", text):
+        assert "aria-label=" in tag or "aria-hidden" in tag
+    assert len(page.ids) == len(set(page.ids))
+
+
+def test_what_is_told_after_the_flight_stands_in_the_head(mission_dir):
+    told = {"pilot": "P. Ilot", "weather": "4 m/s, dry", "weather_source": "met mast"}
+    told |= {"time_zone": "Europe/Berlin", "company": "Blades & Co"}
+    page = Page(write_report(mission_dir, told=told))
+    for words in ("P. Ilot", "4 m/s, dry (met mast)", "Blades & Co", "Europe/Berlin (UTC+01:00)"):
+        assert words in page.words
+    assert "11:14" in page.words  # 10:14 UTC
+
+
+def test_a_logo_is_carried_inside_the_page(mission_dir, tmp_path):
+    logo = tmp_path / "logo.png"
+    cv2.imwrite(str(logo), np.zeros((8, 8, 3), np.uint8))
+    text = write_report(mission_dir, told={"logo": str(logo)}).read_text()
+    assert 'class="logo"' in text
+    for bad in ("logo.exe", "missing.png"):
+        with pytest.raises(BadLogo, match=bad):
+            write_report(mission_dir, told={"logo": str(tmp_path / bad)})
+
+
+def test_a_template_of_ones_own_replaces_a_part(mission_dir, tmp_path):
+    (tmp_path / "_rotor.html.j2").write_text('<p id="rotor">ours: {{ mission.site }}</p>')
+    page = Page(write_report(mission_dir, told={"templates": str(tmp_path)}))
+    assert "ours: hill-3" in page.words
+    (tmp_path / "_rotor.html.j2").write_text("{{ nonsense }}")
+    with pytest.raises(BadTemplate, match="nonsense"):
+        write_report(mission_dir, told={"templates": str(tmp_path)})
 
 
 def test_words_of_people_cannot_become_markup(mission_dir):
