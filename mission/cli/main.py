@@ -18,6 +18,7 @@ from mission.cli import (
     console_command,
     estimate_command,
     farm_command,
+    field_command,
     keys_command,
     remote_commands,
     replay_command,
@@ -39,6 +40,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.command("simulate")(simulation.simulate_command)
+app.command("field")(field_command.field)
 app.command("serve")(serve_command.serve)
 remote_commands.mount(app)
 app.command("watch")(watch_command.watch)

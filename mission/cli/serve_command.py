@@ -20,6 +20,9 @@ def serve(
     set_: Annotated[
         list[str] | None, typer.Option("--set", help="section.key=value, as in a file.")
     ] = None,
+    clock: Annotated[
+        Path | None, typer.Option(help="Clock file of a simulated world (bladescout field).")
+    ] = None,
     runtime: Annotated[
         Path | None,
         typer.Option(help="Run directory with settings (set by simulate).", hidden=True),
@@ -36,7 +39,7 @@ def serve(
     from drivers.bus_access import BadRoles
     from drivers.bus_session import BusNotSafe
     from mission.processes.logs import configure_logging
-    from mission.processes.runtime import SETTINGS_FILE
+    from mission.processes.runtime import CLOCK_FILE, SETTINGS_FILE
 
     if runtime is not None:
         settings = Settings.model_validate_json((runtime / SETTINGS_FILE).read_bytes())
@@ -47,6 +50,10 @@ def serve(
         except ConfigError as error:
             end(Exit.CONFIGURATION, str(error))
         run_dir = Path(tempfile.mkdtemp(prefix="bladescout-serve-"))
+        if clock is not None:
+            if not clock.is_file():
+                end(Exit.CONFIGURATION, f"--clock {clock}: there is no such file")
+            (run_dir / CLOCK_FILE).symlink_to(clock.resolve())
     configure_logging("serve", form=settings.service.logs)
     try:
         asyncio.run(_serve(settings, run_dir, leave_with_parent=runtime is not None))

@@ -56,7 +56,7 @@ def simulate_command(
     ):
         if value is not None:
             overrides.append(f"{key}={value}")
-    settings = _load(scenario, overrides)
+    settings = load_scenario(scenario, overrides)
     _make_room(Path(settings.missions_dir), keep)
     console = Console(file=sys.stderr if as_json else sys.stdout)
     progress = LiveProgress(
@@ -91,7 +91,8 @@ def _make_room(missions: Path, keep: Path | None) -> None:
             end(Exit.CONFIGURATION, f"{folder}: no folder can be made there: {error.strerror}")
 
 
-def _load(scenario: str, overrides: list[str]) -> Settings:
+def load_scenario(scenario: str, overrides: list[str]) -> Settings:
+    """Return the settings of a scenario, or end with one sentence."""
     from config.sources import ConfigError, load_settings, scenario_path
 
     try:

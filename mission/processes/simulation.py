@@ -146,6 +146,10 @@ class Field:
         truth: dict[str, object] = json.loads((self._run_dir / "truth.json").read_text())
         return truth
 
+    def runs(self) -> bool:
+        """Return whether the process is there."""
+        return self._process.poll() is None
+
     def close(self) -> None:
         """End the field process, whatever state it is in."""
         if self._process.stdin is not None:
