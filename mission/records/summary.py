@@ -283,13 +283,17 @@ def _pass(one: PassReport, records: Sequence[PhotoRecord]) -> Json:
     mine = [r for r in records if (r.blade, r.side) == (one.blade, one.side)]
     gsds = [r.gsd_full_mm for r in mine if r.kept and r.gsd_full_mm is not None]
     reachable = one.length_m - sum(gap.to_m - gap.from_m for gap in one.unseen)
+    seen_m = one.photographed_m
+    if one.coverage is not None:
+        # Of the skin itself, where the blade's pitch is known: what the field judges by.
+        seen_m = one.coverage * one.length_m
     return {
         "blade": one.blade,
         "side": one.side,
         "length_m": one.length_m,
         "planned_m": one.planned_m,
-        "coverage": min(1.0, one.photographed_m / one.length_m) if one.length_m > 0 else 0.0,
-        "coverage_reachable": min(1.0, one.photographed_m / reachable) if reachable > 0 else 0.0,
+        "coverage": min(1.0, seen_m / one.length_m) if one.length_m > 0 else 0.0,
+        "coverage_reachable": min(1.0, seen_m / reachable) if reachable > 0 else 0.0,
         "photographed_m": [list(stretch) for stretch in one.stretches],
         "distance_m": {
             "mean": one.distance_mean_m,

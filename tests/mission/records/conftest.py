@@ -1,5 +1,6 @@
 """A small mission as the flight and the recorder leave it: two passes, five photos."""
 
+import dataclasses
 import json
 import math
 from dataclasses import replace
@@ -167,6 +168,19 @@ def mission_dir(tmp_path):
     write_events(folder)
     records = keep_photos(folder, settings)
     close_folder(folder, a_message(a_report(rotor=a_rotor())), records, [], settings)
+    return folder
+
+
+@pytest.fixture
+def skin_dir(tmp_path):
+    """The same, of a flight that knew the blade's pitch: its coverage is of the skin."""
+    folder = tmp_path / "20260301T101400Z-hill-3"
+    folder.mkdir()
+    write_events(folder)
+    report = a_report(rotor=a_rotor())
+    passes = tuple(dataclasses.replace(one, coverage=0.5) for one in report.passes)
+    report = dataclasses.replace(report, passes=passes)
+    close_folder(folder, a_message(report), [], [], Settings())
     return folder
 
 

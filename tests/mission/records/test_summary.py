@@ -32,6 +32,12 @@ def test_the_photographed_stretches_add_up_to_the_coverage(mission_json):
         assert one["coverage"] == pytest.approx(seen / one["length_m"])
 
 
+def test_coverage_is_of_the_skin_where_the_flight_knows_it(skin_dir):
+    front, back = json.loads((skin_dir / "mission.json").read_text())["passes"]
+    assert front["coverage"] == pytest.approx(0.5)
+    assert back["coverage_reachable"] == pytest.approx(0.5 * 33.25 / 30.0)
+
+
 def test_coverage_of_the_reachable_leaves_out_what_no_view_shows(mission_json):
     back = mission_json["passes"][1]
     assert back["coverage_reachable"] == pytest.approx(6.5 / 30.0)
