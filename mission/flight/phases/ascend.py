@@ -27,6 +27,7 @@ from mission.flight.phases.leave import leave
 SURVEY_HEIGHT_M = 15.0
 SURVEY_DISTANCE_M = 35.0
 LOOK_S = 6.0
+KNOWN_S = 3.0
 SIDE_S = 3.0
 #: A tower or hub found this far from where it was believed moves the path.
 MOVED_M = 1.5
@@ -43,6 +44,7 @@ class Ascend:
         self._stage = "survey"
         self._moving = False
         self._arrived_s: float | None = None
+        self._known_s: float | None = None
         self._looked = 0
         self._circled = 0
         self._hub: np.ndarray[tuple[int, ...], np.dtype[np.float64]] | None = None
@@ -63,6 +65,8 @@ class Ascend:
             self._hub, self._moving, self._arrived_s = hub, True, None
             self._start(flight)
         yaw = flight.yaw_to(tower)
+        if self._stage == "survey" and self._well_known(flight):
+            return self._next("climb", Intent("the tower is found", setpoint=flight.hold(yaw)))
         setpoint = flight.follow(yaw)
         gimbal = flight.aim_at(np.array([tower[0], tower[1], flight.here_w[2]]))
         words = {
@@ -76,6 +80,15 @@ class Ascend:
             self._arrived_s = flight.now_s
         hold = Intent(words, setpoint=flight.follow(yaw), gimbal=gimbal)
         return self._decide(flight, flight.now_s - self._arrived_s, hold)
+
+    def _well_known(self, flight: Flight) -> bool:
+        """Return whether the tower was seen where it is for a while: no need to go nearer."""
+        if not flight.tower_known:
+            self._known_s = None
+            return False
+        if self._known_s is None:
+            self._known_s = flight.now_s
+        return flight.now_s - self._known_s > KNOWN_S
 
     def _start(self, flight: Flight) -> None:
         hub, radius, here = flight.hub_w, flight.clear_radius_m, flight.here_w

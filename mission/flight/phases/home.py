@@ -13,7 +13,7 @@ from mission.flight.observation import FlightMode
 from mission.flight.phases.landed import Landed
 from perception.values import Float
 
-TRANSIT_HEIGHT_M = 15.0
+TRANSIT_HEIGHT_M = 12.0
 ASK_AGAIN_S = 3.0
 
 
@@ -72,8 +72,8 @@ def way_home(flight: Flight) -> Float:
     if height <= low + 5.0 and math.hypot(*(here - hub)[:2]) > 0.9 * out:
         # Still low and on the launch's side of the turbine: the way that was come.
         return np.stack([np.array([here[0], here[1], low]), over])
-    reached = max(low, min(height, float(hub[2])))
-    way = arc(hub, radius, start, goal, height, reached)
+    # Outside the sphere's equator any height is free: what takes longest is begun at once.
+    way = arc(hub, radius, start, goal, height, low if out >= radius else max(low, height))
     if out < radius:
         way = np.concatenate([way, at_bearing(hub, goal, radius, low)[None]])
     return np.concatenate([way, over[None]])

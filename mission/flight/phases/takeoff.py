@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mission.flight.command import Action, Phase, Setpoint
+from mission.flight.command import Action, Phase, SensingMode, Setpoint
 from mission.flight.events import Event
 from mission.flight.flight import Flight, Intent, PhaseStep
 from mission.flight.observation import FlightMode
@@ -94,6 +94,9 @@ class Engage:
     def step(self, flight: Flight) -> Intent:
         """Stream, ask, wait."""
         now, vehicle = flight.now_s, flight.vehicle
+        if isinstance(self._then, Ascend):
+            # What is seen of the tower from here spares a second look at it.
+            flight.sense(SensingMode.TOWER)
         if self._begun_s is None:
             self._begun_s = now
             flight.follower.stop()
