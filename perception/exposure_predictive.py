@@ -138,6 +138,9 @@ class PredictiveExposure:
             # The curve's own end is the least known of it: reckoned from just below.
             white_ev = min(mean_ev, self.response.ev_at(BRIGHT))
             return white_ev + BEYOND_WHITE_EV * min(metered.clipped, 1.0), (white_ev, math.inf)
+        if grey > BRIGHT:
+            # Not clipped, yet where the curve is flattest and never learned.
+            return mean_ev, (self.response.ev_at(BRIGHT), math.inf)
         if grey < DARK:
             return mean_ev - BEYOND_BLACK_EV * (1.0 - grey / DARK), (-math.inf, mean_ev)
         if metered.clipped < 0.002 and metered.low_grey > DARK:
