@@ -1,4 +1,7 @@
-"""Scenarios shipped with the product: ordinary settings files beside this one."""
+"""Scenarios shipped with the product: ordinary settings files beside this one.
+
+Those of `faults/` rehearse the cases of SAFETY.md.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +13,12 @@ _FOLDER = Path(__file__).parent
 
 
 def scenario_names() -> tuple[str, ...]:
-    """Return the names that `scenario_path` knows, sorted."""
-    return tuple(sorted(file.stem for file in _FOLDER.glob("*.toml")))
+    """Return the names that `scenario_path` knows, sorted; what rehearses a fault comes last."""
+    return (*_stems("*.toml"), *(f"faults/{stem}" for stem in _stems("faults/*.toml")))
+
+
+def _stems(pattern: str) -> list[str]:
+    return sorted(file.stem for file in _FOLDER.glob(pattern))
 
 
 def scenario_path(name: str) -> Path:

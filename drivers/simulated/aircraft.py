@@ -147,7 +147,7 @@ class Aircraft:
         t.landed_state = int(commander.landed)
         t.armable = commander.armable(now_s)
         t.position_ok = error.position_ok
-        t.charge, t.pack_v, t.cells = pack.charge, pack.pack_v, pack.cells
+        t.charge, t.pack_v, t.cells = pack.told, pack.pack_v, pack.cells
         t.current_a, t.used_wh, t.battery_present = pack.current_a, pack.used_wh, pack.present
         t.thrust_share = self.body.thrust_mps2 / (2 * GRAVITY_MPS2)
         t.reset_count = error.reset_count
@@ -172,7 +172,7 @@ class Aircraft:
             self._battery_fault(word)
 
     def _battery_fault(self, word: str) -> None:
-        self.pack.present = word not in ("off", "stuck")
+        self.pack.word = word
         self.battery_ok = word != "garbage"
         if word == "wrong":
             # The pack is suddenly nearly empty, as with a lost cell.

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
+from collections import deque
+
 from config.airframe import Battery
 
 _CELLS = 6
 _FULL_V, _EMPTY_V = 4.15, 3.50
 #: Computer, sensors and autopilot.
 _IDLE_W = 25.0
+_SLOW_S, _DELAY_S = 10.0, 30.0
 
 
 class Pack:
@@ -19,7 +23,19 @@ class Pack:
         """0-1"""
         self.power_w = _IDLE_W
         self.used_wh = 0.0
-        self.present = True
+        self.word = "ok"
+        """Failure word of what is told of it."""
+        self.told = charge
+        """0-1, as reported."""
+        self._time_s = 0.0
+        self._told_s = 0.0
+        self._late: deque[tuple[float, float]] = deque()
+
+    @property
+    def present(self) -> bool:
+        """Whether anything is reported."""
+        away = self.word == "intermittent" and math.fmod(self._time_s, 16.0) > 8.0
+        return not away and self.word not in ("off", "stuck")
 
     def step(self, dt_s: float, *, flying: bool, airspeed_mps: float, climb_mps: float) -> None:
         """Draw ``dt_s`` worth of energy."""
@@ -31,6 +47,17 @@ class Pack:
         used_wh = self.power_w * dt_s / 3600.0
         self.used_wh += used_wh
         self.charge = max(self.charge - used_wh / law.capacity_wh, 0.0)
+        self._tell(dt_s)
+
+    def _tell(self, dt_s: float) -> None:
+        self._time_s += dt_s
+        self._late.append((self._time_s, self.charge))
+        while self._time_s - self._late[0][0] > _DELAY_S:
+            self._late.popleft()
+        if self.word == "delayed":
+            self.told = self._late[0][1]
+        elif self.word != "slow" or self._time_s - self._told_s > _SLOW_S:
+            self.told, self._told_s = self.charge, self._time_s
 
     @property
     def cell_v(self) -> float:

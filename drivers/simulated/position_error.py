@@ -38,6 +38,7 @@ _JUMP_M, _JUMP_S = 8.0, 1.0
 _DRIFT_MPS = 0.5
 _COMPASS_RAD = math.radians(15.0)
 _BARO_M = 20.0
+_BARO_LATE_S = 1.0
 
 
 class GaussMarkov:
@@ -101,12 +102,10 @@ class EstimatorError:
         """Advance all errors by ``dt_s`` of mission time."""
         self._time_s += dt_s
         gps = self._words.get("gps", "ok")
-        self.position_ok = gps != "off" and not (
-            gps == "intermittent" and math.fmod(self._time_s, 4.0) > 2.0
-        )
+        self.position_ok = gps != "off" and not (gps == "intermittent" and self._now_and_then())
         before = tuple(self._extra)
         self._gps(gps, dt_s, position_w, velocity_w)
-        self._baro(dt_s, position_w)
+        self._baro(dt_s, position_w, velocity_w)
         self._compass(dt_s)
         noisy = 30.0 if gps == "garbage" else 1.0
         total, rates = [], []
@@ -138,7 +137,11 @@ class EstimatorError:
             for i in (0, 1):
                 extra[i] = _towards(extra[i], 0.0, 0.5 * dt_s)
 
-    def _baro(self, dt_s: float, position_w: Vec3) -> None:
+    def _now_and_then(self) -> bool:
+        """Return whether an intermittent device is away just now: two seconds of every four."""
+        return math.fmod(self._time_s, 4.0) > 2.0
+
+    def _baro(self, dt_s: float, position_w: Vec3, velocity_w: Vec3) -> None:
         word = self._words.get("baro", "ok")
         goal = 0.0
         if word == "stuck" and self._frozen_height is not None:
@@ -147,7 +150,9 @@ class EstimatorError:
             goal = _BARO_M
         elif word == "garbage":
             goal = self._random.gauss(0.0, 5.0)
-        elif word in ("slow", "off"):
+        elif word == "delayed":
+            goal = -_BARO_LATE_S * velocity_w[2]
+        elif word in ("slow", "off") or (word == "intermittent" and self._now_and_then()):
             goal = self._extra[2] + _DRIFT_MPS
         self._extra[2] = _towards(self._extra[2], goal, 4.0 * dt_s)
 
@@ -158,7 +163,10 @@ class EstimatorError:
             goal = _COMPASS_RAD
         elif word == "garbage":
             goal = self._random.gauss(0.0, _COMPASS_RAD)
-        elif word in ("off", "slow", "stuck"):
+        elif word == "delayed":
+            # Late after every turn: about half of what a wrong one is off, and coming back.
+            goal = 0.5 * _COMPASS_RAD * math.sin(self._time_s)
+        elif word in ("off", "slow", "stuck") or (word == "intermittent" and self._now_and_then()):
             # Without a magnetometer the heading drifts with the gyro's bias.
             goal = self._extra_yaw + math.radians(1.0)
         self._extra_yaw = _towards(self._extra_yaw, goal, math.radians(10.0) * dt_s)

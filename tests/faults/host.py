@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import shutil
 import tempfile
@@ -16,8 +17,11 @@ from mission.flight.command import MissionState, Phase
 from mission.flight.observation import RequestKind
 from mission.processes.recorder import Recorder
 from mission.processes.runtime import Runtime
+from mission.remote.desk import ALL_VERBS
 from mission.remote.messages import EventMessage, Intent
 from tests.faults.fault import Fault, Seen
+from tests.faults.fuzz_targets import TARGETS
+from tests.faults.fuzzing import fuzz
 from tests.faults.rehearsal import FLYING, distance_m, flight_in, stops
 from tests.faults.soaking import soak_in_memory
 from tests.faults.vehicle import preflight
@@ -59,6 +63,24 @@ def too_little_space():
         failed = [i for i in preflight(Path(__file__).parent) if not i.passed]
     assert [i.name for i in failed] == ["disk"]
     return Seen(1, frozenset({"preflight"}), end="refused", figure=failed[0].mend)
+
+
+def fuzzed_requests(count):
+    """Ask each verb with bytes that are nearly right, and time the answers."""
+    (requests,) = (target for target in TARGETS if target.name == "requests")
+    took_s = []
+
+    def timed(data):
+        begun_s = time.process_time()
+        requests.parse(data)
+        took_s.append(time.process_time() - begun_s)
+
+    fuzz(dataclasses.replace(requests, parse=timed), inputs=count // len(ALL_VERBS), seed=44)
+    asked = len(took_s) * len(ALL_VERBS)
+    longest_ms = 1e3 * max(took_s) / len(ALL_VERBS)
+    assert longest_ms < 50
+    words = f"{asked} requests, none handed over; the slowest took {longest_ms:.1f} ms of processor"
+    return Seen(asked, end="refused", figure=words)
 
 
 def abort_in_each_phase():
@@ -111,6 +133,9 @@ ROWS = (
           lambda: soak_in_memory(1000), "", None, "flat", slow=True),
     Fault(44, "bytes that are no request",
           _DESK + "test_bytes_that_are_no_request_get_an_error_reply"),
+    Fault(44, "2 000 fuzzed requests", lambda: fuzzed_requests(2_000), "", None, "refused"),
+    Fault(44, "100 000 fuzzed requests", lambda: fuzzed_requests(100_000), "", None, "refused",
+          slow=True),
     Fault(44, "requests that cannot be",
           _DESK + "test_a_request_that_cannot_be_is_refused_with_a_stable_code"),
     Fault(45, "a viewer asks for a start", _ALLOWED + "test_a_viewer_sees_but_cannot_start"),
