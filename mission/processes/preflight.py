@@ -13,6 +13,7 @@ from drivers.autopilot import AutopilotLink
 from drivers.autopilot_errors import AutopilotError
 from drivers.autopilot_state import VehicleReading
 from mission.flight.observation import PreflightItem
+from mission.processes.preflight_failsafes import clock_item, failsafe_items, radio_item
 from mission.remote.messages import SensingHealth
 
 log = logging.getLogger(__name__)
@@ -78,7 +79,9 @@ def preflight_items(
 ) -> tuple[PreflightItem, ...]:
     """Return every check, passed or not."""
     items = [_vehicle(vehicle), _battery(vehicle), _gps(vehicle), _home(vehicle)]
+    items += [radio_item(vehicle), clock_item()]
     items += _parameter_items(turbine, parameters)
+    items += failsafe_items(parameters)
     lidar = sensing is not None and sensing.lidar_online
     camera = sensing is not None and sensing.camera_online
     items.append(
@@ -98,6 +101,15 @@ def preflight_items(
         )
     )
     items.append(_workers(workers_ready))
+    recorder = "recorder" in workers_ready
+    items.append(
+        PreflightItem(
+            "recorder",
+            recorder,
+            "records" if recorder else "the recorder is not up yet",
+            "" if recorder else "wait; it takes seconds. If it stays so, see the daemon's log",
+        )
+    )
     items.append(_disk(mission_dir))
     return tuple(items)
 

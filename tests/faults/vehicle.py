@@ -133,6 +133,9 @@ def preflight_lists_what_is_wrong():
         "home": {"vehicle": dataclasses.replace(vehicle, home_w=None)},
         "COM_OBL_RC_ACT": {"parameters": good | {"COM_OBL_RC_ACT": 0.0}},
         "COM_OF_LOSS_T": {"parameters": good | {"COM_OF_LOSS_T": 1.0}},
+        "rc": {"vehicle": dataclasses.replace(vehicle, rc_link=False)},
+        "NAV_RCL_ACT": {"parameters": good | {"NAV_RCL_ACT": 6.0}},
+        "GF_ACTION": {"parameters": good | {"GF_ACTION": 4.0}},
         "RTL_RETURN_ALT": {"parameters": good | {"RTL_RETURN_ALT": 30.0}},
         "lidar": {"sensing": None},
         "camera": {"sensing": None},
@@ -273,6 +276,10 @@ _LIMITS_27 = (
     "a heading that is wrong by 15 deg is not noticed as such (LiDAR is not compared with the "
     "gyro); clearance is taken from the scans of the moment all the same"
 )
+_LIMITS_24 = (
+    "a missing remote control cannot be waived in the request; whether a fence is loaded is not "
+    "looked at, only what the autopilot does at it"
+)
 _LIMITS_22 = (
     "RESUME after a takeover is not reachable from the command line: the mission has ended and "
     "its folder is closed; a new start is needed"
@@ -295,7 +302,7 @@ ROWS = (
           "released", lacking=_LIMITS_22),
     Fault(23, "offboard is refused", offboard_refused, "offboard_refused", None, "refused"),
     Fault(24, "each thing that preflight looks at is wrong in turn",
-          preflight_lists_what_is_wrong, "preflight", None, "refused"),
+          preflight_lists_what_is_wrong, "preflight", None, "refused", lacking=_LIMITS_24),
     Fault(24, "the operator's word that the rotor is locked is missing",
           without_the_operators_word, "", None, "refused"),
     Fault(25, "the position runs off by 8 m in a second", gps_jumps, "position_jump", 1.0,
