@@ -52,6 +52,7 @@ SHOWN = (
     "perception/rotor",
     "perception/clearance",
     "perception/exposure",
+    "perception/metering",
     "sensor/camera/frame",
     "vehicle/state",
 )

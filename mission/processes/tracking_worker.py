@@ -22,6 +22,7 @@ from mission.flight.observation import (
     Vec3,
 )
 from mission.processes.blade_follower import BladeFollower
+from mission.processes.metering_shown import metering_shown
 from mission.processes.runtime import Runtime, run_process
 from mission.processes.sensor_inbox import SensorInbox
 from perception.clearance import OccupancyMemory, RepeatedScans
@@ -216,8 +217,18 @@ class TrackingWorker:
             outline = blade_outline(root_w, tip_w, 0.5 * SURE_WIDTH * thick, camera, matrix)
             metered = meter_outline(frame.grey, outline, seen_px, 4 * radius_px)
             if metered is not None:
+                self._show_metering(frame, seen_px, 4 * radius_px, outline)
                 return metered
+        self._show_metering(frame, seen_px, radius_px, None)
         return meter_disc(frame.grey, seen_px, radius_px)
+
+    def _show_metering(
+        self, frame: Frame, centre_px: Float | None, radius_px: float, outline_px: Float | None
+    ) -> None:
+        height, width = frame.grey.shape
+        shown = metering_shown(frame.stamp_s, (width, height), centre_px, radius_px, outline_px)
+        if shown is not None:
+            self._bus.publish(Key.METERING, shown.model_dump_json().encode(), droppable=True)
 
     def _shift(self, root_w: Float, tip_w: Float) -> Float:
         """Return how far the blade was last seen beside the modelled axis, (3,)."""

@@ -96,6 +96,13 @@ class Desk:
         if self._pending is not None and state.mission_dir == self._pending:
             self._pending = None
 
+    @property
+    def under_way(self) -> bool:
+        """Whether a mission was started and has not ended."""
+        state = self._history.state
+        running = state is not None and state.progress.state in RUNNING
+        return self._pending is not None or running
+
     def forget_pending(self) -> None:
         """Flight is gone: what it was handed last is not flown."""
         self._pending = None

@@ -229,6 +229,21 @@ class PhotoTakenMessage(Message):
     altitude_m: float | None = None
 
 
+class MeteringMessage(Message):
+    """Tracking to whoever watches: where in the live picture the exposure was metered.
+
+    All lengths are shares of the picture's width, from its upper left corner.
+    """
+
+    stamp_s: float
+    aspect: float
+    """Height of the picture."""
+    centre: tuple[float, float]
+    radius: float
+    outline: tuple[tuple[float, float], ...] = ()
+    """Of the blade: of the disc, only what lies within it was metered. Empty: all of it."""
+
+
 class PhotoResultMessage(Message):
     """Recorder to flight: the photo was fetched and judged."""
 
@@ -275,9 +290,11 @@ class SensingHealth(Message):
 
 
 class ReadyMessage(Message):
-    """A perception worker to flight, once a second: its kernels are compiled, it can work."""
+    """A perception worker or the recorder, once a second: it can work."""
 
     name: str
+    recording: str = ""
+    """The folder of the mission that the recorder records."""
 
 
 class TakenMessage(Message):
@@ -322,6 +339,7 @@ __all__ = [
     "HubPrior",
     "Intent",
     "Known",
+    "MeteringMessage",
     "PhotoResultMessage",
     "PhotoShown",
     "PhotoTakenMessage",

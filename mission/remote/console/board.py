@@ -21,7 +21,7 @@ from drivers.codecs import BadMessage, jpeg_of
 from mission.remote.client import NO_REPLY
 from mission.remote.desk import ALL_VERBS
 from mission.remote.fleet import Fleet
-from mission.remote.messages import EventMessage, Reply
+from mission.remote.messages import EventMessage, MeteringMessage, Reply
 
 log = logging.getLogger(__name__)
 
@@ -47,7 +47,8 @@ class _Memory:
     changed: bool = True
     picture: bytes = b""
     looked_at_s: float = float("-inf")
-    end_pictures: Callable[[], None] | None = None
+    metering: dict[str, object] | None = None
+    end_pictures: tuple[Callable[[], None], ...] = ()
 
 
 class Board:
@@ -91,6 +92,7 @@ class Board:
                     "age_s": round(seen.age_s(), 2),
                     "state": seen.state.model_dump(mode="json"),
                     "version": memory.version,
+                    "metering": memory.metering,
                 }
             )
         return found
@@ -157,12 +159,25 @@ class Board:
 
     def _follow_picture(self, name: str, memory: _Memory) -> None:
         looked_at = time.monotonic() - memory.looked_at_s < LOOKED_AT_S
-        if looked_at and memory.end_pictures is None:
-            memory.end_pictures = self._fleet.bus.follow(Key.FRAME, self._take_picture, name)
-        elif not looked_at and memory.end_pictures is not None:
-            memory.end_pictures()
-            memory.end_pictures = None
-            memory.picture = b""
+        if looked_at and not memory.end_pictures:
+            bus = self._fleet.bus
+            memory.end_pictures = (
+                bus.follow(Key.FRAME, self._take_picture, name),
+                bus.follow(Key.METERING, self._take_metering, name),
+            )
+        elif not looked_at and memory.end_pictures:
+            for end in memory.end_pictures:
+                end()
+            memory.end_pictures = ()
+            memory.picture, memory.metering = b"", None
+
+    def _take_metering(self, sample: Sample) -> None:
+        try:
+            shown = MeteringMessage.model_validate_json(sample.payload)
+        except ValidationError as error:
+            log.warning("%s was not understood: %s", sample.key, error)
+            return
+        self._memory(sample.vehicle).metering = shown.model_dump(mode="json")
 
     def _take_picture(self, sample: Sample) -> None:
         try:

@@ -1,6 +1,6 @@
 // The page: hears the server ten times a second, shows one vehicle whole and all in the head line.
 
-import { drawMap, drawRotor, shareSeen } from "./drawing.js";
+import { drawMap, drawMetering, drawRotor, shareSeen } from "./drawing.js";
 import { Traces } from "./traces.js";
 
 const SIDES = ["PS", "SS", "LE", "TE"];
@@ -24,6 +24,7 @@ function remember(vehicle) {
   const moved = known.state === undefined || vehicle.state.mission_s !== known.state.mission_s;
   known.state = vehicle.state;
   known.age_s = vehicle.age_s;
+  known.metering = vehicle.metering;
   if (vehicle.history) known.history = vehicle.history;
   const progress = vehicle.state.progress;
   if (known.folder !== vehicle.state.mission_dir) {
@@ -121,7 +122,8 @@ function drawFigures({ state, age_s }) {
   at("vehicle").classList.toggle("stale", age_s > STALE_S);
 }
 
-function drawInspection({ state, history, trail }) {
+function drawInspection({ state, history, trail, metering }) {
+  drawMetering(at("metering"), at("picture").hidden ? null : metering);
   const turbines = history ? history.turbines : [];
   const turbine = turbines.find((one) => one.name === state.site) || turbines[0] || null;
   const photos = history ? history.photos : [];

@@ -119,6 +119,25 @@ function drawAngle(stopAngle) {
   ];
 }
 
+// The area of the live picture that was metered; it lies over the picture, and fits it alike.
+export function drawMetering(picture, metering) {
+  if (!metering) {
+    picture.replaceChildren();
+    return;
+  }
+  const [x, y] = metering.centre.map((share) => share * 1000);
+  const disc = { cx: x, cy: y, r: metering.radius * 1000 };
+  const line = { fill: "#ffd23f", "fill-opacity": 0.22, stroke: "#ffd23f", "stroke-width": 4 };
+  picture.setAttribute("viewBox", `0 0 1000 ${metering.aspect * 1000}`);
+  if (!metering.outline.length) {
+    picture.replaceChildren(svg("circle", { ...disc, ...line }));
+    return;
+  }
+  const clip = svg("clipPath", { id: "near" }, svg("circle", disc));
+  const points = metering.outline.map((p) => `${p[0] * 1000},${p[1] * 1000}`).join(" ");
+  picture.replaceChildren(clip, svg("polygon", { points, ...line, "clip-path": "url(#near)" }));
+}
+
 export function drawMap(picture, state, turbine, rotor, trail) {
   const width = Math.max(picture.clientWidth, 100), height = Math.max(picture.clientHeight, 80);
   picture.setAttribute("viewBox", `0 0 ${width} ${height}`);

@@ -6,7 +6,11 @@ import cv2
 import numpy as np
 import pytest
 
+from drivers.bus import Key
+from drivers.codecs import encode_frame
 from mission.flight.command import MissionState, Phase
+from mission.remote.messages import MeteringMessage
+from perception.values import Frame
 
 from .chromium import PATH, Page
 from .conftest import wait_until
@@ -57,6 +61,27 @@ def test_the_coverage_of_a_side_grows_with_its_photos(heron_page, heron):
     heron.progress["heron"] = {"photos": 4}
     grown = f"parseFloat(document.querySelector('#side-A-PS .share').textContent) > {before + 5}"
     page.wait_for(grown)
+
+
+def test_where_the_exposure_was_metered_is_drawn_over_the_picture(heron_page, heron):
+    page, bus = heron_page, heron.vehicles["heron"].bus
+    payload, _ = encode_frame(Frame(1.0, 1, np.full((360, 640), 90, np.uint8)))
+    outline = ((0.4, 0.0), (0.6, 0.0), (0.6, 0.56), (0.4, 0.56))
+    shown = MeteringMessage(
+        stamp_s=1.0, aspect=0.5625, centre=(0.5, 0.28), radius=0.2, outline=outline
+    )
+
+    def drawn():
+        bus.publish(Key.FRAME, payload)
+        bus.publish(Key.METERING, shown.model_dump_json().encode())
+        return page.value("document.querySelector('#metering polygon') !== null")
+
+    wait_until(drawn)
+    box = "document.querySelector('#metering polygon').getBBox()"
+    assert page.value(f"[{box}.x, {box}.width]") == pytest.approx([400, 200])
+    assert page.value("document.getElementById('metering').getAttribute('viewBox')") == (
+        "0 0 1000 562.5"
+    )
 
 
 def test_words_of_the_vehicle_are_text_and_never_markup(heron_page):

@@ -156,7 +156,7 @@ def test_the_live_picture_is_fetched_over_the_bus_only_while_somebody_looks(cons
     wait_until(comes)
     assert ask(server, "GET", "/picture/heron").body.startswith(b"\xff\xd8")
     board._memory("heron").looked_at_s = float("-inf")
-    wait_until(lambda: board._memory("heron").end_pictures is None)
+    wait_until(lambda: not board._memory("heron").end_pictures)
     assert ask(server, "GET", "/picture/heron").code == 204
     assert "nobody" not in board._memories
 
