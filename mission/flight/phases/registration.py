@@ -35,6 +35,7 @@ DRIFTED_M, DRIFTED_S = 3.0, 120.0
 JUMP_M = 1.5
 #: Unless it stays: then it is what the sensor sees now.
 JUMP_STAYS_S = 3.0
+LOST_S = 5.0
 PUSH_MPS = 0.4
 MOST_PUSH_M = 4.0
 
@@ -83,6 +84,9 @@ class Registration:
         """Take the newest track and clearance; return the shift."""
         track = flight.observation.blade
         if track is not None and self.fresh(flight, leg) and track.stamp_s > self._stamp_s:
+            if track.stamp_s - self._stamp_s > LOST_S:
+                # Not seen for a while: what drifted meanwhile has not leapt.
+                self._begun = False
             step_s = min(track.stamp_s - self._stamp_s, 0.3)
             self._stamp_s = track.stamp_s
             # What of the offset is the blade's own form is in the plan.

@@ -51,6 +51,12 @@ def test_an_offset_that_jumps_for_a_moment_is_not_followed(registration):
     assert longest == 0.0
 
 
+def test_an_offset_found_elsewhere_after_a_loss_is_the_positions_drift(registration):
+    shift, longest = seen(registration, np.tile([0.5, 3.2, 0.0], (70, 1)), begin_s=40.0)
+    assert shift == pytest.approx([0.5, 3.2, 0.0], abs=0.1)
+    assert longest == 0.0
+
+
 def test_a_blade_that_creeps_away_is_a_moved_rotor(registration):
     creep = np.zeros((120, 3))
     creep[:, 0] = 0.5 + 0.08 * np.arange(120)
