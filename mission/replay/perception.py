@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
@@ -66,28 +66,33 @@ def replay_perception(
     settings = recorded.mission.settings if settings is None else settings
     told = any(True for _ in recorded.messages({Key.TAKEN}))
     fed = {worker: FedWorker(worker, settings) for worker in workers}
+    mine: dict[str, list[bytes]] = {key: [] for worker in workers for key in OF_WORKER[worker]}
     first_s = last_s = None
-    for message in _fed_in_order(recorded, fed, told=told):
+    for message in _fed_in_order(recorded, fed, told=told, beside=mine):
         first_s = message.mission_s if first_s is None else first_s
         last_s = message.mission_s
+        if message.key in mine:
+            mine[message.key].append(message.payload)
     result = PerceptionReplay(told=told)
-    keys = [key for worker in workers for key in OF_WORKER[worker]]
     anew = [item for worker in fed.values() for item in worker.bus.published]
-    for key in keys:
-        mine = [m.payload for m in recorded.messages({key})]
-        result.kinds[key] = compare(key, mine, [data for name, data in anew if name == key])
+    for key, payloads in mine.items():
+        result.kinds[key] = compare(key, payloads, [data for name, data in anew if name == key])
     result.flown_s = 0.0 if first_s is None or last_s is None else last_s - first_s
     result.took_s = time.process_time() - begun_s
     return result
 
 
 def _fed_in_order(
-    recorded: RecordedMission, fed: dict[Worker, FedWorker], *, told: bool
+    recorded: RecordedMission,
+    fed: dict[Worker, FedWorker],
+    *,
+    told: bool,
+    beside: Collection[str],
 ) -> Iterator[Recorded]:
-    """Feed the workers; yields each message that was read."""
+    """Feed the workers; yields each message that was read, those of the keys ``beside`` too."""
     seen: _Seen = {key: deque(maxlen=_KEPT) for key in (Key.SCAN, Key.FRAME)}
     pending: deque[TakenMessage] = deque()
-    for message in recorded.messages(_INPUTS):
+    for message in recorded.messages({*_INPUTS, *beside}):
         yield message
         if message.key in (Key.VEHICLE, Key.TASK):
             for one in fed.values():
@@ -99,7 +104,7 @@ def _fed_in_order(
                     one.catch_up()
                     if message.key == Key.SCAN or one.worker == "tracking":
                         one.take(message)
-        else:
+        elif message.key == Key.TAKEN:
             pending.append(TakenMessage.model_validate_json(message.payload))
         _work_off(pending, seen, fed)
 
