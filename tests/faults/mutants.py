@@ -1,7 +1,8 @@
 """Mutates the guard, one small change at a time; its tests have to notice each.
 
 ``python -m tests.faults.mutants`` prints the survivors, measures which branches the tests take,
-and keeps both for SAFETY.md. Every mutant runs in a fork of a process that has loaded all.
+and keeps both for SAFETY.md; ``--survivors`` tries only those of the run before. Every mutant runs
+in a fork of a process that has loaded all.
 """
 
 from __future__ import annotations
@@ -220,9 +221,13 @@ def main() -> int:
     sys.stdout.write(f"{outcomes - len(missing)} of {outcomes} outcomes of conditions seen\n")
     for line in missing:
         sys.stdout.write(f"  {line}\n")
+    earlier = json.loads(OUT.read_text()) if "--survivors" in sys.argv else None
+    again = None if earlier is None else {s["change"] for s in earlier["survivors"]}
     killed, survivors = 0, []
     for change, mutated in mutants(source):
-        if _forked(mutated) == 0:
+        if again is not None and change not in again:
+            killed += 1
+        elif _forked(mutated) == 0:
             survivors.append(change)
             sys.stdout.write(f"survives: {change}\n")
             sys.stdout.flush()

@@ -22,6 +22,7 @@ from mission.flight.guard import (
     CORRIDOR_M,
     LEAVING,
     NEAR_M,
+    NOTHING_AROUND,
     POSITION_STALE_S,
     REST_S,
     RETREAT_MPS,
@@ -30,6 +31,7 @@ from mission.flight.guard import (
     Airspace,
     Guard,
     Surroundings,
+    _without_closing,
 )
 from mission.flight.observation import ClearanceState, FlightMode, Observation, Vehicle
 from mission.flight.rotor_model import MeasuredBlade, rotor_model
@@ -88,6 +90,8 @@ def test_what_the_rest_is_measured_by():
     assert (CORRIDOR_M, NEAR_M, POSITION_STALE_S) == (6.0, 25.0, 0.5)
     assert (RETREAT_MPS, TICK_S, STILL_M) == (0.5, 0.05, 0.05)
     assert {Phase.STAND_OFF, Phase.RETURN} == LEAVING
+    assert NOTHING_AROUND.points_w.shape == (0, 3)
+    assert NOTHING_AROUND.stamp_s == -math.inf
 
 
 # --- what is not answered at all --------------------------------------------------------------
@@ -392,6 +396,12 @@ def test_inside_the_sphere_nothing_is_entered_that_was_never_seen(seen):
     assert not check(command((0.0, 0.0, 50.04)), space=space, previous=fast).refused
 
 
+def test_where_nothing_was_seen_one_may_stay():
+    space = airspace(**INSIDE, corridor_w=np.array([HERE]), seen=SeenSpace(Lidar()))
+    assert not check(command((0.04, 0.0, 50.0)), space=space).refused
+    assert check(command((0.06, 0.0, 50.0)), space=space).refused
+
+
 def test_it_is_the_outermost_point_that_must_be_seen(seen):
     corridor = np.array([[0.0, 0.0, 51.0]])
     space = airspace(**INSIDE, corridor_w=corridor, seen=seen)
@@ -450,6 +460,28 @@ def test_it_slides_along_what_is_near():
     sent = check(asked, surroundings=ahead(8.05)).command.setpoint
     assert sent.position_w[1] == pytest.approx(0.4)
     assert sent.position_w[0] < 0.1
+
+
+def test_the_speed_slides_like_the_lead():
+    asked = command((0.1, 0.1, 50.0), (0.5, 0.5, 0.0))
+    sent = check(asked, surroundings=ahead(8.02), previous=flying((0.5, 0.5, 0.0))).command.setpoint
+    assert sent.velocity_w[1] == pytest.approx(0.5)
+    assert 0.0 <= sent.velocity_w[0] < 0.05
+
+
+def test_what_cannot_slide_is_scaled_as_a_whole():
+    # A narrowing gap: whatever slides along one wall runs into the other.
+    a = math.radians(80.0)
+    units = np.array([[math.cos(a), math.sin(a), 0.0], [math.cos(a), -math.sin(a), 0.0]])
+    allowed = np.full(2, 0.02)
+    lead, fed = np.array([0.6, 0.05, 0.0]), np.array([0.9, -0.1, 0.2])
+    less, less_fed = _without_closing(lead, fed, units, allowed)
+    closing = units @ (0.95 * less + less_fed)
+    assert closing.max() == pytest.approx(0.02, abs=1e-6)
+    assert np.linalg.norm(np.cross(less, lead)) == pytest.approx(0.0, abs=1e-9)
+    assert np.linalg.norm(np.cross(less_fed, fed)) == pytest.approx(0.0, abs=1e-9)
+    assert less @ lead > 0
+    assert less_fed @ fed > 0
 
 
 def test_hemmed_in_it_slows_as_a_whole():
