@@ -21,9 +21,9 @@ from drivers.bus import Bus, Key, Sample
 from mission.flight.observation import RequestKind
 from mission.processes.runtime import Runtime, run_process
 from mission.records.course import CourseKeeper
-from mission.records.files import CONFIG, EVENTS, RECORDING, write_whole
+from mission.records.files import CONFIG, EVENTS, new_recording, write_whole
 from mission.records.photo_moment import PhotoHistory, PhotoMoment
-from mission.records.photo_record import PhotoRecord
+from mission.records.photo_record import PhotoRecord, stored_records
 from mission.records.photos import NotAJpeg, PhotoLost, PhotoSite, fetch, store
 from mission.records.recording import Recording
 from mission.records.summary import close_folder
@@ -33,6 +33,7 @@ from mission.remote.messages import (
     Intent,
     PhotoResultMessage,
     PhotoTakenMessage,
+    ReadyMessage,
     RecordedMessage,
 )
 
@@ -41,6 +42,7 @@ log = logging.getLogger(__name__)
 #: Requests and replies are not part of a flight's record.
 _NOT_RECORDED = ("rpc/", "alive")
 PHOTO_PATIENCE_S = 30.0
+READY_S = 1.0
 
 
 @dataclass(slots=True)
@@ -79,7 +81,11 @@ class Recorder:
         """Record until cancelled; an open recording is closed."""
         self._bus.subscribe("**", self._take)
         try:
-            await asyncio.Event().wait()
+            while True:
+                folder = "" if self._open is None else str(self._open.folder)
+                ready = ReadyMessage(name="recorder", recording=folder)
+                self._bus.publish(Key.READY, ready.model_dump_json().encode())
+                await asyncio.sleep(READY_S)
         finally:
             if self._open is not None:
                 self._submit(self._open.recording.close)
@@ -96,6 +102,9 @@ class Recorder:
         self._writer.submit(guarded)
 
     def _take(self, sample: Sample) -> None:
+        if sample.key == Key.RECORD:
+            # Told again: this process came up, or came back, while a mission was under way.
+            sample = Sample(Key.INTENT, sample.payload, None)
         if sample.key == Key.INTENT:
             self._take_intent(Intent.model_validate_json(sample.payload))
         mission = self._open
@@ -129,12 +138,14 @@ class Recorder:
         if intent.kind is not RequestKind.START:
             return
         folder = Path(intent.mission_dir)
+        if self._open is not None and self._open.folder == folder:
+            return
         settings = asked_settings(self._settings, intent.site, intent)
         asked = settings.inspection.model_copy(
             update={"blades": intent.blades, "sides": intent.sides}
         )
         site = _site(settings, intent.site)
-        recording = Recording(folder / RECORDING, settings, site.turbine)
+        recording = Recording(new_recording(folder), settings, site.turbine)
         self._open = _Open(
             intent,
             folder,
@@ -142,6 +153,7 @@ class Recorder:
             site,
             PhotoHistory(self._settings.positioning),
             settings.model_copy(update={"inspection": asked}),
+            records=stored_records(folder),
         )
         text = to_toml(settings)
         self._submit(lambda: write_whole(folder / CONFIG, text.encode()))

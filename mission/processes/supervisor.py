@@ -13,13 +13,14 @@ from config.settings import Settings
 from drivers.bus import Bus, Key, Sample
 from drivers.bus_access import read_roles
 from drivers.systemd import Systemd
+from mission.flight.observation import RequestKind
 from mission.processes.children import Child
 from mission.processes.heartbeat import feed_watchdog
 from mission.processes.metrics import Figures, MetricsServer
 from mission.processes.runtime import SETTINGS_FILE
 from mission.remote.desk import ALL_VERBS, TOO_MANY, Desk
 from mission.remote.history import History
-from mission.remote.messages import EventMessage, Intent
+from mission.remote.messages import EventMessage, Intent, ReadyMessage
 
 log = logging.getLogger(__name__)
 
@@ -40,6 +41,7 @@ class Supervisor:
         shorter_mm = min(camera.sensor_width_mm, camera.sensor_height_mm)
         self._history = History(view=shorter_mm / camera.focal_length_mm)
         self._bus: Bus | None = None
+        self._started: Intent | None = None
         keys = settings.bus.keys
         roles = read_roles(Path(keys)) if keys else {}
         self._figures = Figures(self._history, Path(settings.missions_dir), settings.vehicle)
@@ -63,6 +65,7 @@ class Supervisor:
             self._bus = bus
             self._history.listen(bus)
             bus.subscribe(Key.STATE, self._take_state)
+            bus.subscribe(Key.READY, self._take_ready)
             bus.answer_requests(
                 ALL_VERBS,
                 self._desk.answer,
@@ -84,6 +87,8 @@ class Supervisor:
 
     def _hand_over(self, intent: Intent) -> None:
         assert self._bus is not None  # noqa: S101 - requests arrive only while the bus is open
+        if intent.kind is RequestKind.START:
+            self._started = intent
         self._bus.publish(Key.INTENT, intent.model_dump_json().encode())
 
     def _tell(self, event: EventMessage) -> None:
@@ -95,6 +100,15 @@ class Supervisor:
         if self._history.state is not None:
             self.ready.set()
             self._desk.take_state(self._history.state)
+
+    def _take_ready(self, sample: Sample) -> None:
+        """Tell a recorder that came up late, or came back, which mission is under way."""
+        ready = ReadyMessage.model_validate_json(sample.payload)
+        started = self._started
+        if ready.name != "recorder" or started is None or self._bus is None:
+            return
+        if ready.recording != started.mission_dir and self._desk.under_way:
+            self._bus.publish(Key.RECORD, started.model_dump_json().encode())
 
     def _on_death(self, name: str, deaths: int) -> None:
         self._figures.deaths[name] = self._figures.deaths.get(name, 0) + 1

@@ -29,6 +29,15 @@ def write_whole(path: Path, data: bytes) -> None:
     part.replace(path)
 
 
+def new_recording(folder: Path) -> Path:
+    """Return where to record: beside what an earlier process has recorded of the same mission."""
+    path, count = folder / RECORDING, 1
+    while path.is_file() and path.stat().st_size > 0:
+        count += 1
+        path = folder / f"{Path(RECORDING).stem}-{count}{Path(RECORDING).suffix}"
+    return path
+
+
 def photo_name(turbine: str, blade: str, side: str, metre: float, utc: str) -> str:
     """Return `<turbine>_<blade>_<side>_<metre>_<UTC>.jpg`; UTC without colons."""
     compact = utc.replace(":", "").replace("-", "")

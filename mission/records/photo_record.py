@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import json
+import logging
 from pathlib import Path
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from mission.records.files import PHOTOS
 from mission.records.photo_view import PhotoView
 from perception.blade_in_picture import BladeStations, clipped, outline_px, see
 from perception.geometry import quaternion_from_rotation, rotation_from_quaternion
 from perception.lens import Lens
 from perception.values import CameraPose, Float
+
+log = logging.getLogger(__name__)
 
 Xyz = tuple[float, float, float]
 Row = tuple[float | None, ...]
@@ -261,3 +265,14 @@ def _mapping(stations: BladeStations, camera: CameraPose, lens: Lens) -> Mapping
 def _xyz(values: Float, digits: int) -> Xyz:
     x, y, z = (round(float(value), digits) for value in values)
     return x, y, z
+
+
+def stored_records(folder: Path) -> list[PhotoRecord]:
+    """Return the records of photos that a mission folder already holds, by their number."""
+    records = []
+    for path in (folder / PHOTOS).glob("*/*/*.json"):
+        try:
+            records.append(PhotoRecord.model_validate_json(path.read_bytes()))
+        except ValueError as error:
+            log.warning("%s is no photo's record: %s", path, error)
+    return sorted(records, key=lambda record: record.photo_id)

@@ -155,3 +155,42 @@ def test_photos_are_stored_and_missing_ones_are_asked_for_again(tmp_path, camera
     # Between two reports of the vehicle, not where the message says; and which blade it is.
     assert first["position_w"] == pytest.approx([1.1, 2.0, 50.0], abs=0.11)
     assert first["serial"] == "SN-1"
+
+
+async def come_back(tmp_path, camera):
+    """Record one photo, be killed; another recorder is told of the mission and sees its end."""
+    site = Site(name="hill-3", turbine="windpact-1.5")
+    runtime = Runtime(Settings(sites=(site,)), MonotonicClock(), tmp_path)
+    folder = tmp_path / "mission"
+    folder.mkdir()
+    start = Intent(kind=RequestKind.START, id="1", site="hill-3", mission_dir=str(folder))
+    said = []
+    for key, photo_id in ((Key.INTENT, 1), (Key.RECORD, 2)):
+        bus = HandBus()
+        running = asyncio.create_task(Recorder(runtime, bus).run())
+        await asyncio.sleep(0)
+        bus.deliver(key, start)
+        bus.deliver(key, start)
+        bus.deliver(Key.VEHICLE, vehicle(10.9))
+        bus.deliver(Key.PHOTO, taken(photo_id, camera))
+        await until(lambda bus=bus: any(k == Key.PHOTO_RESULT for k, _ in bus.said))
+        if key == Key.RECORD:
+            bus.deliver(Key.REPORT, the_end())
+            await until(lambda bus=bus: any(k == Key.RECORDED for k, _ in bus.said))
+        said += bus.said
+        running.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await running
+    return folder, said
+
+
+def test_a_recorder_that_comes_back_goes_on_with_the_mission_and_loses_no_photo(tmp_path, camera):
+    folder, said = asyncio.run(come_back(tmp_path, camera))
+    assert json.loads((folder / "mission.json").read_text())["photos"]["kept"] == 2
+    assert sorted(path.name for path in folder.glob("*.mcap")) == [
+        "recording-2.mcap",
+        "recording.mcap",
+    ]
+    ready = [message for key, message in said if key == Key.READY]
+    assert ready[0]["name"] == "recorder"
+    assert ready[0]["recording"] == ""
