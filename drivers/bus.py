@@ -269,35 +269,37 @@ class Bus:
                 query.reply(query.key_expr, on_request(ask), encoding="application/json")
 
         def receive(query: zenoh.Query) -> None:
-            asked = self._asked(query)
-            if asked is None:
+            asker = self._asker(query)
+            if asker is None:
                 query.drop()
                 return
-            ask, client = asked
-            if rate.allows(client, time.monotonic()):
-                self._call(lambda: reply(query, ask))
-            else:
+            verb, who, client = asker
+            # The rate comes first: a flood is not worth looking at what it carries.
+            if not rate.allows(client, time.monotonic()):
                 with query:
                     query.reply(query.key_expr, too_many, encoding="application/json")
+                return
+            payload = b"" if query.payload is None else query.payload.to_bytes()
+            ask = Ask(verb, who, bytes(payload[: MAX_REQUEST_BYTES + 1]))
+            self._call(lambda: reply(query, ask))
 
         for verb in verbs:
             key = f"{self._prefix}rpc/{verb}/**"
             self._keep.append(self._session.declare_queryable(key, receive))
 
-    def _asked(self, query: zenoh.Query) -> tuple[Ask, str] | None:
-        """Return a request and the client whose rate it counts for; None: not for one of us."""
+    def _asker(self, query: zenoh.Query) -> tuple[str, str, str] | None:
+        """Return verb, name, and the client whose rate it counts for; None: not for one of us."""
         key = str(query.key_expr).removeprefix(self._prefix)
         _, *words = key.split("/")
         if "*" in key or not 1 <= len(words) <= 2:
             return None
         verb, who = words[0], words[1] if len(words) == 2 else LOCAL
-        payload = b"" if query.payload is None else query.payload.to_bytes()
         # Over loopback the clients tell themselves apart.
         own = query.attachment if who == LOCAL else None
         client = who if own is None else f"{who} {own.to_bytes()[:32]!r}"
         if verb in _URGENT:
             client = f"{client} urgent"
-        return Ask(verb, who, bytes(payload[: MAX_REQUEST_BYTES + 1])), client
+        return verb, who, client
 
     def request(
         self, key: str, payload: bytes, timeout_s: float = 3.0, vehicle: str = ""
