@@ -57,6 +57,7 @@ def camera_away_for_good():
 
 
 _PAYLOAD = "tests/drivers/test_payload.py::"
+_FRAMES = "tests/perception/test_frame_check.py::"
 _METERING = "tests/perception/test_metering.py::"
 _EXPOSURE = "tests/perception/test_exposure.py::"
 
@@ -70,8 +71,13 @@ ROWS = (
           _EXPOSURE + "test_a_camera_that_cannot_go_on_causes_no_wind_up"),
     Fault(35, "a photo that shows nothing",
           "tests/mission/records/test_photos.py"
-          "::test_a_photo_that_shows_nothing_is_rejected_with_the_reason",
-          lacking="a frozen or foreign live frame is still metered; a late one is refused by age"),
+          "::test_a_photo_that_shows_nothing_is_rejected_with_the_reason"),
+    Fault(35, "a frozen stream",
+          _FRAMES + "test_a_frozen_stream_is_not_used_and_one_that_moves_again_is"),
+    Fault(35, "a black or white picture",
+          _FRAMES + "test_a_blank_picture_is_not_used_until_it_stays"),
+    Fault(35, "a frame 2 s late", _FRAMES + "test_a_frame_two_seconds_late_is_not_used"),
+    Fault(35, "a picture of another size", _FRAMES + "test_another_size_is_no_crash"),
     Fault(36, "the target lies off the picture or behind the camera",
           _METERING + "test_a_point_outside_or_behind_is_not_metered"),
     Fault(36, "the disc is partly outside",
