@@ -150,6 +150,11 @@ class Bus:
     ) -> None:
         self.close()
 
+    @property
+    def session(self) -> zenoh.Session:
+        """The Zenoh session itself, for measuring."""
+        return self._session
+
     def close(self) -> None:
         """Send what waits (for at most a second) and leave the bus."""
         with self._wake:

@@ -15,6 +15,7 @@ from mission.cli.bench_angle import angle, cell
 from mission.cli.bench_exposure import exposure
 from mission.cli.bench_latency import latency
 from mission.cli.bench_missions import missions
+from mission.cli.bench_requests import requests
 from mission.cli.bench_vehicle import vehicle
 
 app = typer.Typer(no_args_is_help=True, add_completion=False)
@@ -28,6 +29,7 @@ def _bench() -> None:
 app.command("angle")(angle)
 app.command("exposure")(exposure)
 app.command("latency")(latency)
+app.command("requests")(requests)
 app.command("vehicle")(vehicle)
 app.command("missions")(missions)
 
