@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
 
 #: A daemon tells its state five times a second; after this long it is taken for gone.
 SILENCE_S = 10.0
+#: Who comes late is shown what happened last.
+EARLIER_EVENTS = 20
 
 
 def watch(
@@ -35,6 +38,7 @@ def watch(
 
     from mission.cli.progress import LiveProgress
     from mission.flight.command import TERMINAL
+    from mission.remote.client import NoReply
 
     ended: list[StateMessage] = []
     heard = [time.monotonic()]
@@ -50,6 +54,9 @@ def watch(
                 ended.append(state)
 
         client.watch(on_state, progress.on_event)
+        with contextlib.suppress(NoReply):
+            for event in client.history().events[-EARLIER_EVENTS:]:
+                progress.on_event(event)
         while not ended and time.monotonic() - heard[0] < SILENCE_S:
             time.sleep(0.1)
     if not ended:
