@@ -52,7 +52,7 @@ from mission.remote.messages import (
 
 CHUNK_BYTES = 256 * 1024
 #: A chunk is closed and handed to the kernel at least so often: what a kill may cost.
-CHUNK_S = 0.5
+CHUNK_S = 0.3
 METADATA = "bladescout"
 _SEQUENCE = struct.Struct("<QI")
 
