@@ -241,7 +241,11 @@ class VehicleState:
     def _take_heartbeat(self, message: Received) -> None:
         arrival_s = self._arrival_s(message)
         self._armed = bool(message.integer("base_mode") & _ARMED)
-        self._mode = (mode_of(message.integer("custom_mode")), arrival_s)
+        mode = mode_of(message.integer("custom_mode"))
+        if mode is not self._mode[0]:
+            # What was told of the mode before says nothing of who has asked for this one.
+            self._intended = None
+        self._mode = (mode, arrival_s)
         self._heartbeat_s = arrival_s
 
     def _take_current_mode(self, message: Received) -> None:

@@ -119,3 +119,17 @@ def test_an_unknown_charge_is_no_charge_reading() -> None:
     reading = state.reading()
     assert reading is not None
     assert reading.battery == 0.55
+
+
+def test_what_was_asked_for_is_known_only_of_the_mode_it_was_told_with() -> None:
+    state = known_state()
+    offboard, hold = 6 << 16, 4 << 16 | 3 << 24
+    state.take(message("CURRENT_MODE", custom_mode=hold, intended_custom_mode=offboard))
+    state.take(message("HEARTBEAT", custom_mode=hold))
+    assert state._intended is VehicleMode.OFFBOARD
+    state.take(message("HEARTBEAT", custom_mode=4 << 16 | 5 << 24))
+    assert state._intended is None
+    state.take(message("CURRENT_MODE", custom_mode=hold, intended_custom_mode=hold))
+    assert state._intended is VehicleMode.HOLD
+    state.take(message("CURRENT_MODE", custom_mode=hold, intended_custom_mode=0))
+    assert state._intended is None
