@@ -2,7 +2,8 @@
 
 Along a leg the vehicle follows the planned line, moved by what the LiDAR says of the real blade
 (`Registration`); the gimbal looks at the blade's foot; photos are taken by `Shooter`. Legs are
-joined by ways of the roadmap. Metres without a kept photo are flown once more at the end.
+joined by ways of the roadmap. Metres whose photo failed are flown again at once, while the blade
+is near; skin that is still not shown when all legs are flown is flown again at the end.
 """
 
 from __future__ import annotations
@@ -46,6 +47,7 @@ class Track:
         self._moving = False
         self._registration = Registration()
         self._gaps: list[Leg] | None = None
+        self._at_once: Leg | None = None
         self._speed = 1.0
         self._got_to_w: Float | None = None
         self._got_s = 0.0
@@ -81,6 +83,7 @@ class Track:
         if self._stuck(flight):
             flight.note("pass", f"left {self._leg.blade} {self._leg.side}: no way ahead")
             self._finish_leg(flight)
+            self._at_once = None
             return Intent("no way ahead", setpoint=flight.hold())
         if self._running:
             return self._run(flight, self._leg, self._shooter)
@@ -97,6 +100,9 @@ class Track:
 
     def _next_leg(self, flight: Flight) -> Leg | None:
         legs = () if flight.plan is None else flight.plan.legs
+        if self._at_once is not None:
+            leg, self._at_once = self._at_once, None
+            return leg
         while flight.leg_index < len(legs):
             leg = legs[flight.leg_index]
             if not flight.ledger.side(leg).skipped and flight.ledger.missing(leg):
@@ -128,6 +134,10 @@ class Track:
     def _finish_leg(self, flight: Flight) -> None:
         if self._leg is not None and not self._leg.again:
             flight.leg_index += 1
+            missing = flight.ledger.missing(self._leg)
+            if missing and not flight.ledger.side(self._leg).skipped:
+                # Back along the leg, from where the vehicle is.
+                self._at_once = self._leg.with_photos(missing[::-1], again=True)
         self._leg = self._shooter = None
         self._moving = self._running = False
         self._got_to_w = None

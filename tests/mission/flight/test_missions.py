@@ -367,6 +367,28 @@ def test_a_failed_photo_is_taken_again(base):
     assert side.photographed_m > 0.95 * side.planned_m
 
 
+def test_a_photo_that_failed_twice_is_flown_again_before_the_next_blade():
+    flight = mission(blades=("A", "B"))
+    failing, lost = {2, 3}, set()
+
+    def hook(flight, observation):
+        camera = observation.camera
+        if camera is not None and camera.last_photo_id in failing:
+            lost.add(camera.last_photo_id)
+            last, failed = camera.last_photo_id - 1, camera.last_photo_id
+            camera = dataclasses.replace(camera, last_photo_id=last, failed_photo_id=failed)
+        return dataclasses.replace(observation, camera=camera)
+
+    flight.hook = hook
+    flown = flight.run(500.0)
+    assert lost == failing
+    passes = [event.text for event in flown.machine.report().events if event.name == "pass"]
+    blades = [text.removeprefix("again ").split()[0] for text in passes]
+    assert any(text.startswith("again") for text in passes)
+    # Each blade is done with before the other is begun.
+    assert blades == sorted(blades) or blades == sorted(blades, reverse=True)
+
+
 def test_the_same_observations_give_the_same_commands():
     first, second = mission(), mission()
     one, two = first.run(40.0), second.run(40.0)
