@@ -29,6 +29,7 @@ from mission.remote.messages import (
     StateMessage,
     TurbineInfo,
 )
+from mission.remote.started import Started
 
 log = logging.getLogger(__name__)
 
@@ -51,7 +52,7 @@ TOO_MANY = (
 
 
 class Desk:
-    """Answers requests of one vehicle; holds no mission but the last one's id.
+    """Answers requests of one vehicle.
 
     ``hand_over`` takes each validated intent, ``tell`` each line for the event log.
     """
@@ -72,7 +73,7 @@ class Desk:
         self._tell = tell
         self._roles = roles
         self._count = count
-        self._started: dict[str, tuple[StartRequest, str]] = {}
+        self._started = Started(Path(settings.missions_dir))
         self._pending: str | None = None
         self._turbines = tuple(_turbine_info(settings))
         self._handlers: dict[str, Callable[[Ask], Reply]] = {
@@ -144,7 +145,7 @@ class Desk:
 
     def _start(self, ask: Ask) -> Reply:
         request = StartRequest.model_validate_json(ask.payload)
-        earlier = self._started.get(request.id)
+        earlier = self._started.of(request.id)
         if earlier is not None:
             return _started_before(request, *earlier)
         refusal = self._refusal(request)
@@ -157,7 +158,8 @@ class Desk:
             words = f"would fly {', '.join(sides)} of {', '.join(blades)} at {request.site}"
             return Reply(ok=True, code=Code.WOULD_START, text=words, state=self._history.state)
         try:
-            folder = str(self._new_folder(request.site))
+            folder = self._new_folder(request.site)
+            self._started.keep(request, folder)
         except OSError as error:
             return _refuse(Code.NO_FOLDER, f"the mission folder cannot be made: {error}")
         known = {name: getattr(request, name) for name in Known.model_fields}
@@ -169,14 +171,13 @@ class Desk:
             rotor_locked=request.rotor_locked,
             blades=blades,
             sides=sides,
-            mission_dir=folder,
+            mission_dir=str(folder),
             **known,
         )
-        self._started[request.id] = request, folder
-        self._pending = folder
+        self._pending = str(folder)
         self._history.begin()
         self._hand_over(intent)
-        return Reply(ok=True, code=Code.STARTED, text="mission started", mission_dir=folder)
+        return Reply(ok=True, code=Code.STARTED, text="mission started", mission_dir=str(folder))
 
     def _refusal(self, request: StartRequest) -> Reply | None:
         """Return why this mission may not start now; None: it may."""

@@ -153,6 +153,19 @@ def test_the_same_id_with_other_content_is_no_repetition(asker):
     assert len(asker.intents) == 1
 
 
+def test_the_same_request_after_the_daemon_began_anew_starts_no_second_mission(asker, tmp_path):
+    first = asker.ask("start", START)
+    folder = tmp_path / "missions" / "broken"
+    folder.mkdir()
+    (folder / "request.json").write_text("half a re")
+    anew = Asker(tmp_path)
+    anew.hear(MissionState.IDLE)
+    again = anew.ask("start", START)
+    assert (again["code"], again["mission_dir"]) == (Code.ALREADY_STARTED, first["mission_dir"])
+    assert anew.intents == []
+    assert anew.ask("start", START | {"id": "b"})["code"] == Code.STARTED
+
+
 def test_a_dry_run_is_checked_like_any_other_and_starts_nothing(asker, tmp_path):
     reply = asker.ask("start", START | {"dry_run": True, "blades": ["B"], "sides": ["LE"]})
     assert reply["ok"]
