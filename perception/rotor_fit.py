@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -28,6 +29,7 @@ from perception.rotor import (
     right_in_plane,
 )
 from perception.rotor_answer import FitState, rotor_of
+from perception.rotor_background import is_background, without_background
 from perception.rotor_cloud import about_prior, usable_points
 from perception.rotor_edges import BIN_M, BladeData, blade_axes, collect_blades
 from perception.rotor_fit_kernel import Prior, Shape
@@ -106,14 +108,51 @@ def fit_rotor(
         return Refusal(RefusalCode.NO_POINTS, f"{len(points)} usable points, {MIN_POINTS} needed")
     table, published = sections_of(turbine, radius_m)
     radius = table.length_m + table.hub_radius_m
-    coarse = _coarse(points, eye, prior_hub_w, prior_normal_w, down, radius, prior_sigma_m)
-    if isinstance(coarse, Refusal):
-        return coarse
     sense = -1.0 if turbine is not None and turbine.rotation == "counter-clockwise" else 1.0
-    coarse, cone = straighten(points, coarse, down, radius, prior_normal_w)
     prior = parameter_prior(published, turbine, table.length_m)
     model = _Model(table, station_columns(table, published), prior, sense, published)
-    state = _fit(points, eye, coarse, cone, down, model)
+    about = points
+    if prior_hub_w is not None:
+        about = about_prior(points, np.asarray(prior_hub_w), prior_normal_w, radius, prior_sigma_m)
+    search = _Search(eye, prior_hub_w, prior_normal_w, down, prior_sigma_m)
+    seek = partial(_seek, points, search, model, turbine, use_tower=use_tower, stamp_s=stamp_s)
+    answer = seek(about)
+    if isinstance(answer, Refusal):
+        open_air = without_background(about, eye, prior_normal_w, down)
+        if len(open_air) < len(about):
+            again = seek(open_air)
+            return answer if isinstance(again, Refusal) else again
+    return answer
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Search:
+    """From where a rotor is looked for, and what is known of it beforehand."""
+
+    eye: Float
+    hub_w: Float | None
+    normal_w: Float | None
+    down: Float
+    sigma_m: float
+
+
+def _seek(
+    points: Float,
+    search: _Search,
+    model: _Model,
+    turbine: Turbine | None,
+    about: Float,
+    *,
+    use_tower: bool,
+    stamp_s: float,
+) -> Rotor | Refusal:
+    """Find the rotor coarsely among the points ``about`` the prior, and fit it to all of them."""
+    radius, down = model.radius_m, search.down
+    coarse = _coarse(about, search, radius)
+    if isinstance(coarse, Refusal):
+        return coarse
+    coarse, cone = straighten(points, coarse, down, radius, search.normal_w)
+    state = _fit(points, search.eye, coarse, cone, down, model)
     if isinstance(state, Refusal):
         return state
     tower = (
@@ -121,36 +160,29 @@ def fit_rotor(
         if use_tower
         else None
     )
-    if prior_normal_w is None and tower is None:
+    if search.normal_w is None and tower is None:
         return Refusal(
             RefusalCode.SIDE_UNKNOWN, "no tower seen behind the rotor and no prior axis given"
         )
     return rotor_of(state, tower, down, radius, stamp_s)
 
 
-def _coarse(
-    points: Float,
-    eye: Float,
-    prior_hub_w: Float | None,
-    prior_normal_w: Float | None,
-    down: Float,
-    radius: float,
-    prior_sigma_m: float,
-) -> CoarseRotor | Refusal:
-    if prior_hub_w is not None:
-        points = about_prior(points, np.asarray(prior_hub_w), prior_normal_w, radius, prior_sigma_m)
-    planes = rotor_planes(points, eye, prior_normal_w, down)
+def _coarse(points: Float, search: _Search, radius: float) -> CoarseRotor | Refusal:
+    down = search.down
+    planes = rotor_planes(points, search.eye, search.normal_w, down)
     if not planes:
         return Refusal(RefusalCode.NO_PLANE, "no upright plane with enough points")
-    if prior_hub_w is None:
+    if search.hub_w is None:
         centre, reach = np.median(points, axis=0), 30.0
     else:
-        centre, reach = np.asarray(prior_hub_w, np.float64), max(prior_sigma_m, 3.0)
+        centre, reach = np.asarray(search.hub_w, np.float64), max(search.sigma_m, 3.0)
     found = [three_arms(points, plane, down, centre, reach, radius) for plane in planes]
     usable = [c for c in found if c is not None]
     if not usable:
         return Refusal(RefusalCode.NO_PLANE, "the planes found hold too few points")
     best = max(usable, key=lambda c: c.score)
+    if is_background(points, (best.normal_w, float(best.normal_w @ best.hub_w)), down):
+        return Refusal(RefusalCode.NOT_A_ROTOR, "what stands out is wider than blades are")
     shortest = min(best.arms_m)
     if shortest < MIN_ARM_M:
         code = RefusalCode.TWO_BLADES if sorted(best.arms_m)[1] > 4.0 else RefusalCode.NOT_A_ROTOR
