@@ -33,6 +33,8 @@ CORRIDOR_M = 6.0
 #: Within this of the model, or of the tower's axis while there is none, is near the turbine.
 NEAR_M = 25.0
 POSITION_STALE_S = 0.5
+#: A point of the scan, placed by the pose of its moment, may be so much farther than the surface.
+POINT_ERROR_M = 0.15
 RETREAT_MPS = 0.5
 #: A setpoint that leads no farther moves nothing.
 STILL_M = 0.05
@@ -296,7 +298,7 @@ class _Near:
         apart = np.sqrt(np.einsum("nk,nk->n", offsets, offsets))
         close = apart < NEAR_M + 5.0
         self._points = surroundings.points_w[close]
-        distances = [apart[close] - radius_m]
+        distances = [apart[close] - POINT_ERROR_M - radius_m]
         units = [offsets[close] / np.maximum(apart[close], 1e-6)[:, None]]
         model_m = np.array([math.inf])
         if self._model is not None:
@@ -320,7 +322,7 @@ class _Near:
         least = np.full(len(places), math.inf)
         if len(self._points):
             apart = places[:, None, :] - self._points[None, :, :]
-            least = np.sqrt(np.einsum("knc,knc->kn", apart, apart).min(axis=1))
+            least = np.sqrt(np.einsum("knc,knc->kn", apart, apart).min(axis=1)) - POINT_ERROR_M
         if self._model is not None:
             least = np.minimum(least, self._model.distance(places))
         return least - self._radius

@@ -23,6 +23,7 @@ from mission.flight.guard import (
     LEAVING,
     NEAR_M,
     NOTHING_AROUND,
+    POINT_ERROR_M,
     POSITION_STALE_S,
     REST_S,
     RETREAT_MPS,
@@ -40,7 +41,9 @@ from mission.flight.seen_space import LOOKS, SeenSpace
 SETTINGS = Settings()
 GUARD = Guard(SETTINGS)
 BOUNDS = SETTINGS.guard
-RADIUS = SETTINGS.airframe.radius_m
+AIRFRAME = SETTINGS.airframe.radius_m
+#: From the body's middle to a point that counts as touching: it may be nearer than it was seen.
+RADIUS = AIRFRAME + POINT_ERROR_M
 NOW, HERE = 100.0, (0.0, 0.0, 50.0)
 E = 1e-3
 
@@ -282,9 +285,9 @@ def model():
 
 def before_the_hub(model, clearance):
     """A place in front of the hub whose airframe is so far from the model."""
-    x = 60.0 - clearance - RADIUS
+    x = 60.0 - clearance - AIRFRAME
     for _ in range(50):
-        x += float(model.distance(np.array([[x, 0.0, 50.0]]))[0]) - RADIUS - clearance
+        x += float(model.distance(np.array([[x, 0.0, 50.0]]))[0]) - AIRFRAME - clearance
     return (x, 0.0, 50.0)
 
 
