@@ -9,6 +9,8 @@ from benchmarks.angle import (
     ACTIVE,
     MODELS,
     OURS,
+    OURS_KNOWN,
+    OURS_LONGER,
     PAPER,
     PASSIVE,
     VISION,
@@ -62,6 +64,12 @@ def test_every_method_answers_the_same_scene():
     assert len(table.trials) == 7
     assert len({t.model for trials in table.trials.values() for t in trials}) == 1
     assert table.rows()["rotor fit, full azimuth, 1 s"]["mean_deg"] < 1.0
+
+
+def test_in_fog_the_core_is_also_given_two_seconds():
+    table = Table()
+    one(table, 5, SceneOptions(fog_per_m=0.052), pictures=False, core=True)
+    assert set(table.rows()) == {OURS, OURS_KNOWN, OURS_LONGER, PAPER}
 
 
 def test_a_window_keeps_what_lies_ahead():
