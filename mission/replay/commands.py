@@ -25,10 +25,10 @@ from mission.remote.messages import TickRecord
 from mission.replay.difference import Difference, first_difference
 from mission.replay.recorded import Mission, Recorded, RecordedMission
 
-#: Occupancy that is remembered: the newest, and a few that came close together.
-KEPT_SURROUNDINGS = 8
-#: Looked for occupancy that overtook, or was overtaken by, the tick that used it.
+#: Messages looked through for occupancy that was overtaken by the tick that used it.
 LOOK_AHEAD = 200
+#: Occupancy that is remembered: what was looked ahead for must outlive the ticks before it.
+KEPT_SURROUNDINGS = 2 * LOOK_AHEAD
 #: As the flight process does when it was silent: the mode must have been reported anew.
 STALL_S = 0.4
 _KEYS = frozenset({Key.COMMAND, Key.OCCUPANCY})
@@ -91,6 +91,8 @@ class _Replay:
         self._guard = Guard(settings)
         self._gate = _Gate()
         self._surroundings: deque[Surroundings] = deque(maxlen=KEPT_SURROUNDINGS)
+        self._missing: set[float] = set()
+        """Stamps that were looked for and not found: from before the recording, or dropped."""
         self._last_tick: int | None = None
         self._begun_s: float | None = None
         self.result = CommandReplay()
@@ -105,9 +107,13 @@ class _Replay:
 
     def knows(self, stamp_s: float | None) -> bool:
         """Return whether the occupancy that a tick looked at is at hand."""
-        if stamp_s is None or stamp_s == float("-inf"):
+        if stamp_s is None or stamp_s == float("-inf") or stamp_s in self._missing:
             return True
         return any(one.stamp_s == stamp_s for one in self._surroundings)
+
+    def give_up(self, stamp_s: float) -> None:
+        """Look for an occupancy no more."""
+        self._missing.add(stamp_s)
 
     def tick(self, record: TickRecord, mission_s: float) -> None:
         """Recompute one tick and compare."""
@@ -135,11 +141,12 @@ class _Replay:
             return self._surroundings[-1] if self._surroundings else NOTHING_AROUND
         if stamp_s == float("-inf"):
             return NOTHING_AROUND
-        for one in self._surroundings:
+        for one in reversed(self._surroundings):
             if one.stamp_s == stamp_s:
                 return one
         self.result.without_surroundings += 1
-        return self._surroundings[-1] if self._surroundings else NOTHING_AROUND
+        before = [one for one in self._surroundings if one.stamp_s < stamp_s]
+        return max(before, key=lambda one: one.stamp_s, default=NOTHING_AROUND)
 
     def _compare(self, record: TickRecord, guarded: GuardedCommand, mission_s: float) -> None:
         if record.command == guarded.command and record.refused == guarded.reason:
@@ -214,19 +221,21 @@ def _look_ahead(
     messages: Iterator[Recorded],
     waiting: deque[Recorded],
 ) -> None:
-    """See the occupancy of a tick that stands in the recording before it."""
-    if replay.knows(record.surroundings_s):
+    """See the occupancy of a tick that stands before it in the recording."""
+    stamp_s = record.surroundings_s
+    if stamp_s is None or replay.knows(stamp_s):
         return
     for _ in range(LOOK_AHEAD):
         message = next(messages, None)
         if message is None:
-            return
+            break
         if message.key == Key.OCCUPANCY:
             replay.see(message)
-            if replay.knows(record.surroundings_s):
+            if replay.knows(stamp_s):
                 return
         else:
             waiting.append(message)
+    replay.give_up(stamp_s)
 
 
 def _parsed(message: Recorded) -> TickRecord | None:

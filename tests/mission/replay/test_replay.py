@@ -100,6 +100,21 @@ def test_occupancy_that_was_overtaken_by_its_tick_is_found(calm, tmp_path):
     assert replay.without_surroundings == 0
 
 
+def test_occupancy_from_before_the_recording_spoils_nothing_that_follows(calm, tmp_path):
+    held = []
+
+    def without_the_first(message):
+        if message.key == Key.OCCUPANCY and len(held) < 2:
+            held.append(message)
+            return None
+        return message.payload
+
+    path = rewritten(calm, tmp_path / "r.mcap", without_the_first)
+    replay = replay_commands(RecordedMission(path))
+    assert replay.without_surroundings == 8
+    assert replay.equal == replay.ticks
+
+
 def test_occupancy_that_is_not_there_is_counted(calm, tmp_path):
     path = rewritten(
         calm, tmp_path / "r.mcap", lambda m: None if m.key == Key.OCCUPANCY else m.payload
