@@ -232,7 +232,15 @@ class Flight:
             caps = np.concatenate([caps[:1], caps])
         caps = np.broadcast_to(caps, (len(points),))
         self.follower.start(Path(points, caps, self.settings.airframe))
-        self.corridor_w = np.concatenate([*self._lines, _dense(points)])
+        self.corridor_w = np.concatenate([*self._lines, self._clear(_dense(points))])
+
+    def _clear(self, places_w: Float) -> Float:
+        """Return those of the places (N, 3) that the model finds clear: no others are opened."""
+        if self.model is None:
+            return places_w
+        least = self.settings.guard.min_clearance_m + self.settings.airframe.radius_m
+        clear: Float = places_w[self.model.distance(places_w) >= least]
+        return clear
 
     def follow(self, yaw_rad: float, slow: float = 1.0, shift_w: Float | None = None) -> Setpoint:
         """Return the next setpoint along the path that `go` began."""

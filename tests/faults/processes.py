@@ -229,6 +229,11 @@ def a_link_that_loses_a_quarter():
         )  # fmt: skip
 
 
+_LIMITS_21 = (
+    "measured here for 60 s at a time, not for 20 minutes; kill -9 was tried while flying towards "
+    "the turbine, not of each process in each phase"
+)
+_LIMITS_19 = "an unfinished mission is not found again and offered after a restart"
 _ENDINGS = "tests/system/test_endings.py::"
 
 ROWS: tuple[Fault, ...] = (
@@ -239,11 +244,12 @@ ROWS: tuple[Fault, ...] = (
     Fault(18, "the flight process is stopped for 5 s while it flies",
           lambda: one_flight()["stop"], "own_silence", 0.1 + SAMPLED_S, "flying", slow=True),
     Fault(19, "kill -9 of the flight process while it flies",
-          lambda: one_flight()["kill"], "flight_died", 0.1 + SAMPLED_S, "held", slow=True),
+          lambda: one_flight()["kill"], "flight_died", 0.1 + SAMPLED_S, "held", slow=True,
+          lacking=_LIMITS_19),
     Fault(20, "SIGTERM or SIGINT to the daemon",
           _ENDINGS + "test_a_daemon_that_is_told_to_end_is_gone_soon_with_all_its_processes"),
     Fault(20, "SIGTERM to the daemon while it flies", terminated_while_flying, "", 0.3,
           "held", slow=True),
     Fault(21, "all processors and the disk busy for 60 s", processors_busy, "", None, "running",
-          slow=True),
+          slow=True, lacking=_LIMITS_21),
 )  # fmt: skip

@@ -276,6 +276,12 @@ _LIMITS_27 = (
     "a heading that is wrong by 15 deg is not noticed as such (LiDAR is not compared with the "
     "gyro); clearance is taken from the scans of the moment all the same"
 )
+_LIMITS_30 = (
+    "once there is a model, the LiDAR's blind sectors are taken for free where the model is; "
+    "before there is one, a way that a phase flies opens its own corridor (the closed sphere, the "
+    "scans and what was never seen bind it all the same); what was seen longer than 120 s ago is "
+    "left to the model"
+)
 _LIMITS_24 = (
     "a missing remote control cannot be waived in the request; whether a fence is loaded is not "
     "looked at, only what the autopilot does at it"
@@ -320,7 +326,7 @@ ROWS = (
     Fault(29, "a gust above 15 m/s", gust, "wind_strong", 0.1, "ended_safely"),
     Fault(29, "5 s of wind above 12 m/s", strong_wind, "wind_strong", 5.1, "ended_safely"),
     Fault(30, "10 000 random setpoints near the true mesh", setpoints_against_the_true_mesh,
-          "guard", None, "clear"),
+          "guard", None, "clear", lacking=_LIMITS_30),
     Fault(30, "100 000 random setpoints near the true mesh",
           more_setpoints_against_the_true_mesh, "guard", None, "clear", slow=True),
     Fault(31, "a setpoint that is not a number",
