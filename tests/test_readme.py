@@ -18,7 +18,13 @@ from mission.cli.main import app
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
 ARCHITECTURE = (ROOT / "ARCHITECTURE.md").read_text()
-PLACEHOLDERS = {"FILE": "drone.toml", "TURBINE": "hill-3", "DIR": "missions/x", "SCENARIO": "demo", "FOLDER": "keys"}
+PLACEHOLDERS = {
+    "FILE": "drone.toml",
+    "TURBINE": "hill-3",
+    "DIR": "missions/x",
+    "SCENARIO": "demo",
+    "FOLDER": "keys",
+}
 
 
 def blocks(language):
