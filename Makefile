@@ -13,7 +13,7 @@ SOAK_WIRE ?= 2
 export PYTHON
 
 .DEFAULT_GOAL := help
-.PHONY: help env mission test faults safety fuzz mutants soak lint format lock image clean
+.PHONY: help env mission test test-flight test-parts faults safety fuzz mutants soak lint format lock image clean
 
 help: ## show the targets
 	@sed -n 's/^\([a-z]*\):.*## /make \1\t/p' Makefile | expand -t 16
@@ -31,7 +31,16 @@ lint: env ## format, lint, types, import layers
 	$(BIN)/lint-imports
 
 test: lint ## lint, then the whole test suite
-	$(BIN)/pytest $(PYTEST_ARGS)
+	@$(MAKE) --no-print-directory -j2 --output-sync=target test-flight test-parts
+	$(BIN)/pytest tests/system $(PYTEST_ARGS)
+
+# Two halves side by side; what flies in real processes has the machine to itself afterwards.
+test-flight:
+	$(BIN)/pytest tests/faults tests/mission $(PYTEST_ARGS)
+
+test-parts:
+	$(BIN)/pytest tests -p no:cacheprovider --ignore=tests/faults --ignore=tests/mission \
+	  --ignore=tests/system $(PYTEST_ARGS)
 
 faults: env ## the long cases of the fault table: real processes, many draws (FAULTS=name picks)
 	$(BIN)/pytest -m faults tests/faults --figures tests/faults/measured.json -k "$(FAULTS)"

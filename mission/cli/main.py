@@ -6,6 +6,7 @@ request answer at once.
 
 from __future__ import annotations
 
+import signal
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -79,6 +80,8 @@ _OURS = {1: Exit.CONFIGURATION, 130: Exit.UNFINISHED}
 
 def run() -> None:
     """Entry point: no traceback reaches a user."""
+    # A shell starts what it sends to the background deaf to Ctrl-C; an inspection must hear it.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         app()
     except SystemExit as ended:
