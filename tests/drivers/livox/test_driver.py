@@ -186,7 +186,7 @@ async def test_scans_that_come_late_say_so_by_their_age(loopback, tmp_path):
 async def test_points_that_were_late_from_the_start_are_told_by_the_imu(loopback, tmp_path):
     async with flying(loopback, tmp_path, lag_s=0.4) as world:
         await world.scans_after(10)
-        # The least lag seen so far is what the map of clocks goes by: a few hundredths may be missed.
+        # The map of clocks goes by the least lag seen: a few hundredths may be missed.
         assert min(world.ages_s[-5:]) > 0.36
 
 
