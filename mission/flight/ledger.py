@@ -28,8 +28,8 @@ class PhotoStatus(Enum):
 
 #: What a photo is for good, whatever is heard of it later.
 LASTING = frozenset({PhotoStatus.REJECTED, PhotoStatus.BLURRED})
-#: A photo is taken again where so much of the skin that it should show was shown by none.
-THIN_SHARE = 0.04
+#: Photos are taken again until this share of the skin that a leg's photos can show is shown.
+COVERED_SHARE = 0.99
 
 
 @dataclass(slots=True)
@@ -196,17 +196,23 @@ class Ledger:
         """Return the photo metres of a leg, in its order, at which skin is still to be shown.
 
         By the skin itself: a photo that was aimed a little aside, or taken a little late, leaves
-        a strip that only another photo shows. Falls back on the photos' count.
+        a strip that only another photo shows. The fewest metres, taken by what each would add,
+        that bring the leg to its share. Without a skin: the metres that no kept photo is near.
         """
         skin, seen = self._skins.get(leg.blade, {}).get(leg.side), self.covered(leg.blade, leg.side)
         if skin is None or seen is None:
             return self.missing(leg)
-        wanted = []
+        shows = {}
         for metre in leg.photos:
             sight = leg.target(metre) - leg.position(metre)
             look = Look(leg.position(metre), sight / float(np.linalg.norm(sight)))
-            shows = skin.seen_in(look, settings)
-            whole = float(skin.areas_m2[shows].sum())
-            if float(skin.areas_m2[shows & ~seen].sum()) > THIN_SHARE * max(whole, 1e-6):
-                wanted.append(metre)
-        return tuple(wanted)
+            shows[metre] = skin.seen_in(look, settings)
+        reachable = np.logical_or.reduce(list(shows.values()))
+        unseen = reachable & ~seen
+        most_m2 = (1.0 - COVERED_SHARE) * float(skin.areas_m2[reachable].sum())
+        wanted = set()
+        while float(skin.areas_m2[unseen].sum()) > most_m2:
+            best = max(shows, key=lambda m: float(skin.areas_m2[shows[m] & unseen].sum()))
+            wanted.add(best)
+            unseen = unseen & ~shows[best]
+        return tuple(metre for metre in leg.photos if metre in wanted)

@@ -56,8 +56,9 @@ class Shooter:
         return tuple(self._left)
 
     def done(self, now_s: float) -> bool:
-        """Return whether no photo is left, and of the last one the shutter has closed."""
-        return not self._left and now_s - self._taken_s > OPENS_BEFORE_S + 0.05
+        """Return whether no photo is left, and of each it is known what became of it."""
+        closed = now_s - self._taken_s > OPENS_BEFORE_S + 0.05
+        return closed and not self._left and not self._asked
 
     def step(
         self,

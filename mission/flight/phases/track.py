@@ -2,8 +2,8 @@
 
 Along a leg the vehicle follows the planned line, moved by what the LiDAR says of the real blade
 (`Registration`); the gimbal looks at the blade's foot; photos are taken by `Shooter`. Legs are
-joined by ways of the roadmap. Metres whose photo failed are flown again at once, while the blade
-is near; skin that is still not shown when all legs are flown is flown again at the end.
+joined by ways of the roadmap. Metres whose photo failed, and skin that none shows, are flown again
+at once, while the blade is near; what is found missing later is flown again at the end.
 """
 
 from __future__ import annotations
@@ -134,10 +134,10 @@ class Track:
     def _finish_leg(self, flight: Flight) -> None:
         if self._leg is not None and not self._leg.again:
             flight.leg_index += 1
-            missing = flight.ledger.missing(self._leg)
-            if missing and not flight.ledger.side(self._leg).skipped:
+            thin = flight.ledger.thin(self._leg, flight.settings)
+            if thin and not flight.ledger.side(self._leg).skipped:
                 # Back along the leg, from where the vehicle is.
-                self._at_once = self._leg.with_photos(missing[::-1], again=True)
+                self._at_once = self._leg.with_photos(thin[::-1], again=True)
         self._leg = self._shooter = None
         self._moving = self._running = False
         self._got_to_w = None

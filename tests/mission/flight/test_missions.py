@@ -375,7 +375,7 @@ def test_a_photo_that_failed_twice_is_flown_again_before_the_next_blade():
         camera = observation.camera
         if camera is not None and camera.last_photo_id in failing:
             lost.add(camera.last_photo_id)
-            last, failed = camera.last_photo_id - 1, camera.last_photo_id
+            last, failed = min(failing) - 1, camera.last_photo_id
             camera = dataclasses.replace(camera, last_photo_id=last, failed_photo_id=failed)
         return dataclasses.replace(observation, camera=camera)
 
