@@ -26,11 +26,11 @@ from config.links import Bus as BusSettings
 from config.settings import Settings
 from config.turbine import Site
 from drivers.bus import Bus, Key
-from drivers.bus_access import ROLES_FILE, Role, read_roles, write_roles
+from drivers.bus_access import ALL_VERBS, ROLES_FILE, Role, read_roles, write_roles
 from drivers.certificates import issue, make_authority
 from mission.flight.command import MissionState, Phase, PhotoCommand, Progress
 from mission.remote.client import Client
-from mission.remote.desk import ALL_VERBS, TOO_MANY, Desk
+from mission.remote.desk import TOO_MANY, Desk
 from mission.remote.fleet import Fleet
 from mission.remote.history import MAX_EVENTS, History
 from mission.remote.messages import EventMessage, PhotoTakenMessage, StateMessage

@@ -18,7 +18,6 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from types import TracebackType
 from typing import Self
 
 import zenoh
@@ -55,7 +54,6 @@ class Key(StrEnum):
     TAKEN = "perception/taken"
     STATE = "mission/state"
     EVENT = "mission/event"
-    OBSERVATION = "mission/observation"
     COMMAND = "mission/command"
     TASK = "mission/task"
     INTENT = "mission/intent"
@@ -142,12 +140,7 @@ class Bus:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     @property

@@ -35,13 +35,15 @@ class Role(StrEnum):
     """A site's router, which carries the requests of those whom it has let in itself."""
 
 
-_SEE = ("status", "turbines", "history")
+#: What is only told, and changes nothing.
+QUERIES = ("status", "turbines", "history")
 #: Ending a flight is open to more people than beginning one.
 VERBS: Mapping[Role, tuple[str, ...]] = {
-    Role.VIEWER: _SEE,
-    Role.PILOT: (*_SEE, "pause", "stop", "abort"),
-    Role.OPERATOR: (*_SEE, "start", "pause", "resume", "skip", "stop", "abort"),
+    Role.VIEWER: QUERIES,
+    Role.PILOT: (*QUERIES, "pause", "stop", "abort"),
+    Role.OPERATOR: (*QUERIES, "start", "pause", "resume", "skip", "stop", "abort"),
 }
+ALL_VERBS = VERBS[Role.OPERATOR]
 #: What is published to people; intents, ticks and scans stay on the vehicle.
 SHOWN = (
     "mission/state",
@@ -59,7 +61,6 @@ SHOWN = (
 Flow = tuple[Sequence[str], Sequence[str], Sequence[str]]
 """Directions seen from the router, kinds of message, and keys."""
 _IN, _OUT, _BOTH = ("ingress",), ("egress",), ("ingress", "egress")
-_ALL_VERBS = VERBS[Role.OPERATOR]
 _ALL_MESSAGES = (
     "put",
     "delete",
@@ -71,6 +72,11 @@ _ALL_MESSAGES = (
     "liveliness_query",
     "declare_liveliness_subscriber",
 )
+
+
+def request_key(verb: str, who: str) -> str:
+    """Return the key below a vehicle's on which ``who`` asks for ``verb``."""
+    return f"rpc/{verb}" if who == LOCAL else f"rpc/{verb}/{who}"
 
 
 class BadRoles(ValueError):
@@ -119,7 +125,7 @@ def access_control(roles: Mapping[str, Role]) -> dict[str, object]:
         if role is Role.VEHICLE:
             flows = _flows_of_vehicle(f"bladescout/{name}")
         elif role is Role.ROUTER:
-            flows = _flows_of_person([f"bladescout/*/rpc/{verb}/*" for verb in _ALL_VERBS])
+            flows = _flows_of_person([f"bladescout/*/rpc/{verb}/*" for verb in ALL_VERBS])
         else:
             flows = _flows_of_person([f"bladescout/*/rpc/{verb}/{name}" for verb in VERBS[role]])
         who = {"link_protocols": ["tls"], "cert_common_names": [name]}

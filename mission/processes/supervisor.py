@@ -11,14 +11,14 @@ from pathlib import Path
 
 from config.settings import Settings
 from drivers.bus import Bus, Key, Sample
-from drivers.bus_access import read_roles
+from drivers.bus_access import ALL_VERBS, read_roles
 from drivers.systemd import Systemd
 from mission.flight.observation import RequestKind
 from mission.processes.children import Child
 from mission.processes.heartbeat import feed_watchdog
 from mission.processes.metrics import Figures, MetricsServer
 from mission.processes.runtime import SETTINGS_FILE
-from mission.remote.desk import ALL_VERBS, TOO_MANY, Desk
+from mission.remote.desk import TOO_MANY, Desk
 from mission.remote.history import History
 from mission.remote.messages import EventMessage, Intent, ReadyMessage
 

@@ -11,20 +11,32 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Coroutine
+from functools import wraps
 from pathlib import Path
-from types import TracebackType
-from typing import Self, TypeVar
+from typing import Concatenate, ParamSpec, Self, TypeVar
 
-from config.inspection import BladeName, Side
 from config.links import Bus as BusSettings
-from mission.flight.observation import Vec3
 from mission.remote.client import Client
-from mission.remote.messages import EventMessage, Reply, StateMessage, TurbineInfo
+from mission.remote.messages import EventMessage, StateMessage
 
+Asked = ParamSpec("Asked")
+Answer = TypeVar("Answer")
 Item = TypeVar("Item")
 #: A reader that does not keep up loses the oldest.
 MAX_WAITING = 256
+
+
+def _awaited(
+    ask: Callable[Concatenate[Client, Asked], Answer],
+) -> Callable[Concatenate[AsyncClient, Asked], Coroutine[None, None, Answer]]:
+    """Return a request of `Client` as a method that is awaited: it waits in a thread."""
+
+    @wraps(ask)
+    async def awaited(self: AsyncClient, /, *args: Asked.args, **kwargs: Asked.kwargs) -> Answer:
+        return await asyncio.to_thread(ask, self._open, *args, **kwargs)
+
+    return awaited
 
 
 class AsyncClient:
@@ -60,80 +72,21 @@ class AsyncClient:
         await asyncio.to_thread(client.watch, pass_on(self._states), pass_on(self._events))
         return self
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         """Leave the bus."""
         if self._client is not None:
             await asyncio.to_thread(self._client.close)
 
-    async def start(
-        self,
-        site: str,
-        *,
-        operator: str,
-        rotor_locked: bool,
-        request_id: str | None = None,
-        blades: tuple[BladeName, ...] | None = None,
-        sides: tuple[Side, ...] | None = None,
-        blade_serials: Mapping[BladeName, str] | None = None,
-        nacelle_yaw_deg: float | None = None,
-        blade_pitch_deg: float | None = None,
-        launch_enu_m: Vec3 | None = None,
-        valid_s: float | None = None,
-        dry_run: bool = False,
-    ) -> Reply:
-        """Start a mission; see `Client.start`."""
-        return await asyncio.to_thread(
-            self._open.start,
-            site,
-            operator=operator,
-            rotor_locked=rotor_locked,
-            request_id=request_id,
-            blades=blades,
-            sides=sides,
-            blade_serials=blade_serials,
-            nacelle_yaw_deg=nacelle_yaw_deg,
-            blade_pitch_deg=blade_pitch_deg,
-            launch_enu_m=launch_enu_m,
-            valid_s=valid_s,
-            dry_run=dry_run,
-        )
-
-    async def status(self) -> Reply:
-        """Return how the mission stands."""
-        return await asyncio.to_thread(self._open.status)
-
-    async def turbines(self) -> tuple[TurbineInfo, ...]:
-        """Return the turbines that a mission may be started for."""
-        return await asyncio.to_thread(self._open.turbines)
-
-    async def history(self) -> Reply:
-        """Return what has happened so far: state, events, photos, rotor."""
-        return await asyncio.to_thread(self._open.history)
-
-    async def pause(self) -> Reply:
-        """Hold where the vehicle is; `resume` goes on."""
-        return await asyncio.to_thread(self._open.pause)
-
-    async def resume(self) -> Reply:
-        """Go on after a pause."""
-        return await asyncio.to_thread(self._open.resume)
-
-    async def skip(self) -> Reply:
-        """Leave out the rest of the pass that is flown."""
-        return await asyncio.to_thread(self._open.skip)
-
-    async def stop(self) -> Reply:
-        """Hold and hand the vehicle to the pilot."""
-        return await asyncio.to_thread(self._open.stop)
-
-    async def abort(self) -> Reply:
-        """Hold at once, leave the rotor, return."""
-        return await asyncio.to_thread(self._open.abort)
+    start = _awaited(Client.start)
+    send_start = _awaited(Client.send_start)
+    status = _awaited(Client.status)
+    turbines = _awaited(Client.turbines)
+    history = _awaited(Client.history)
+    pause = _awaited(Client.pause)
+    resume = _awaited(Client.resume)
+    skip = _awaited(Client.skip)
+    stop = _awaited(Client.stop)
+    abort = _awaited(Client.abort)
 
     async def states(self) -> AsyncIterator[StateMessage]:
         """Yield every state from now on."""

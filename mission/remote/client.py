@@ -11,26 +11,21 @@ router="tls/192.168.1.5:7448", keys="keys/ada")``, with the folder of one's own 
 
 from __future__ import annotations
 
-import logging
 import socket
 import time
 import uuid
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from types import TracebackType
-from typing import Self, TypeVar
-
-from pydantic import ValidationError
+from typing import Self
 
 from config.inspection import BladeName, Side
 from config.links import Bus as BusSettings
 from drivers.bus import Bus, BusUnreachable, Key, Sample
-from drivers.bus_access import CERTIFICATE_FILE, LOCAL
+from drivers.bus_access import CERTIFICATE_FILE, LOCAL, request_key
 from drivers.certificates import common_name
 from mission.flight.observation import RequestKind, Vec3
 from mission.remote.messages import (
     EventMessage,
-    Message,
     PlainRequest,
     RecordedMessage,
     Reply,
@@ -38,10 +33,8 @@ from mission.remote.messages import (
     StateMessage,
     TurbineInfo,
 )
+from mission.remote.understood import Heard, understood
 
-log = logging.getLogger(__name__)
-
-Heard = TypeVar("Heard", bound=Message)
 NO_REPLY = "no reply: not running, or not authorised"
 _PROBE_S = 3.0
 
@@ -81,12 +74,7 @@ class Client:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:
@@ -191,12 +179,9 @@ class Client:
 
     def _hear(self, key: Key, kind: type[Heard], tell: Callable[[Heard], None]) -> None:
         def take(sample: Sample) -> None:
-            try:
-                message = kind.model_validate_json(sample.payload)
-            except ValidationError as error:
-                log.warning("%s was not understood: %s", key, error)
-                return
-            tell(message)
+            message = understood(sample, kind)
+            if message is not None:
+                tell(message)
 
         self._bus.subscribe(key, take)
 
@@ -204,8 +189,7 @@ class Client:
         return self._ask(name, PlainRequest(id=uuid.uuid4().hex).model_dump_json())
 
     def _ask(self, verb: str, text: str) -> Reply:
-        key = f"rpc/{verb}" if self._who == LOCAL else f"rpc/{verb}/{self._who}"
-        raw = self._bus.request(key, text.encode())
+        raw = self._bus.request(request_key(verb, self._who), text.encode())
         if raw is None:
             raise NoReply(NO_REPLY)
         return Reply.model_validate_json(raw)

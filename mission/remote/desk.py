@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from config.presets import load_turbine
 from config.settings import Settings
 from drivers.bus import MAX_REQUEST_BYTES, Ask
-from drivers.bus_access import LOCAL, VERBS, Role
+from drivers.bus_access import ALL_VERBS, LOCAL, QUERIES, VERBS, Role
 from mission.flight.command import MissionState
 from mission.flight.observation import RequestKind
 from mission.remote.history import History
@@ -35,15 +35,9 @@ log = logging.getLogger(__name__)
 
 RUNNING = (MissionState.RUNNING, MissionState.PAUSED)
 #: Requests of a running mission.
-_OF_MISSION = (
-    RequestKind.PAUSE,
-    RequestKind.RESUME,
-    RequestKind.SKIP,
-    RequestKind.STOP,
-    RequestKind.ABORT,
+_OF_MISSION = tuple(
+    RequestKind(verb) for verb in ALL_VERBS if verb not in (*QUERIES, RequestKind.START)
 )
-QUERIES = ("status", "turbines", "history")
-ALL_VERBS = (str(RequestKind.START), *map(str, _OF_MISSION), *QUERIES)
 TOO_MANY = (
     Reply(ok=False, code=Code.TOO_MANY_REQUESTS, text="too many requests: wait a second")
     .model_dump_json()
@@ -192,7 +186,7 @@ class Desk:
         state = self._history.state
         if state is None:
             return _refuse(Code.NOT_READY, "flight is not ready yet: try again in a second")
-        if self._pending is not None or state.progress.state in RUNNING:
+        if self.under_way:
             return _refuse(Code.BUSY, "a mission is running: abort it or wait for its end")
         if not state.link_ok:
             return _refuse(Code.NO_VEHICLE, state.progress.words)
@@ -211,7 +205,7 @@ class Desk:
     def _plain(self, kind: RequestKind, ask: Ask) -> Reply:
         request = PlainRequest.model_validate_json(ask.payload)
         state = self._history.state
-        if state is None or (self._pending is None and state.progress.state not in RUNNING):
+        if state is None or not self.under_way:
             return _refuse(Code.NOT_RUNNING, f"no mission is running: nothing to {kind}")
         self._hand_over(Intent(kind=kind, id=request.id))
         return Reply(ok=True, code=Code.ACCEPTED, text=f"{kind} handed to flight", state=state)

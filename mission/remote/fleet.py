@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import logging
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Self
-
-from pydantic import ValidationError
 
 from config.links import Bus as BusSettings
 from drivers.bus import Bus, Key, Sample
 from mission.remote.client import own_name, probe
 from mission.remote.messages import EventMessage, StateMessage
-
-log = logging.getLogger(__name__)
+from mission.remote.understood import understood
 
 #: A daemon tells its state five times a second.
 LOST_S = 3.0
@@ -61,12 +56,7 @@ class Fleet:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:
@@ -79,19 +69,13 @@ class Fleet:
             return dict(sorted(self._seen.items()))
 
     def _take_state(self, sample: Sample) -> None:
-        try:
-            state = StateMessage.model_validate_json(sample.payload)
-        except ValidationError as error:
-            log.warning("%s of %s was not understood: %s", sample.key, sample.vehicle, error)
+        state = understood(sample, StateMessage)
+        if state is None:
             return
         with self._lock:
             self._seen[sample.vehicle] = Sighting(state, time.monotonic())
 
     def _take_event(self, sample: Sample) -> None:
-        try:
-            event = EventMessage.model_validate_json(sample.payload)
-        except ValidationError as error:
-            log.warning("%s of %s was not understood: %s", sample.key, sample.vehicle, error)
-            return
-        if self._on_event is not None:
+        event = understood(sample, EventMessage)
+        if event is not None and self._on_event is not None:
             self._on_event(sample.vehicle, event)

@@ -23,7 +23,7 @@ from drivers.autopilot_state import VehicleState
 from drivers.autopilot_wire import Received
 from drivers.bad_file import BadFile
 from drivers.bus import Ask
-from drivers.bus_access import LOCAL
+from drivers.bus_access import ALL_VERBS, LOCAL
 from drivers.clock import MonotonicClock
 from drivers.clouds.read import read_cloud
 from drivers.codecs import (
@@ -39,7 +39,7 @@ from drivers.livox.frames import decode_frame as decode_control
 from drivers.livox.frames import decode_key_values
 from drivers.livox.packets import decode_imu, read_header
 from drivers.livox.packets import decode_points as decode_returns
-from mission.remote.desk import ALL_VERBS, Desk
+from mission.remote.desk import Desk
 from mission.remote.history import History
 from perception.values import Frame, Scan
 from tests.faults.datagrams import _valid

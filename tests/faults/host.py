@@ -12,12 +12,12 @@ from unittest import mock
 
 from config.settings import Settings
 from drivers.bus import Sample
+from drivers.bus_access import ALL_VERBS
 from drivers.clock import MonotonicClock
 from mission.flight.command import MissionState, Phase
 from mission.flight.observation import RequestKind
 from mission.processes.recorder import Recorder
 from mission.processes.runtime import Runtime
-from mission.remote.desk import ALL_VERBS
 from mission.remote.messages import EventMessage, Intent
 from tests.faults.fault import Fault, Seen
 from tests.faults.fuzz_targets import TARGETS

@@ -9,19 +9,18 @@ import time
 import uuid
 from collections.abc import Callable
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Self
 
 from pydantic import ValidationError
 
 from config.links import Bus as BusSettings
 from drivers.bus import Key, Sample
-from drivers.bus_access import LOCAL
+from drivers.bus_access import ALL_VERBS, request_key
 from drivers.codecs import BadMessage, jpeg_of
 from mission.remote.client import NO_REPLY
-from mission.remote.desk import ALL_VERBS
 from mission.remote.fleet import Fleet
 from mission.remote.messages import EventMessage, MeteringMessage, Reply
+from mission.remote.understood import understood
 
 log = logging.getLogger(__name__)
 
@@ -71,12 +70,7 @@ class Board:
         self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._closing.set()
         self._thread.join()
         self._fleet.close()
@@ -117,7 +111,7 @@ class Board:
         """Send a request in our name and return its reply; no reply is a refusal, too."""
         if verb not in ALL_VERBS or vehicle not in self._fleet.vehicles():
             return Reply(ok=False, code="bad_request", text=f"no {verb!r} of {vehicle!r}")
-        key = f"rpc/{verb}" if self.who == LOCAL else f"rpc/{verb}/{self.who}"
+        key = request_key(verb, self.who)
         request = {"id": uuid.uuid4().hex} | fields
         raw = self._fleet.bus.request(key, json.dumps(request).encode(), vehicle=vehicle)
         if raw is None:
@@ -172,12 +166,9 @@ class Board:
             memory.picture, memory.metering = b"", None
 
     def _take_metering(self, sample: Sample) -> None:
-        try:
-            shown = MeteringMessage.model_validate_json(sample.payload)
-        except ValidationError as error:
-            log.warning("%s was not understood: %s", sample.key, error)
-            return
-        self._memory(sample.vehicle).metering = shown.model_dump(mode="json")
+        shown = understood(sample, MeteringMessage)
+        if shown is not None:
+            self._memory(sample.vehicle).metering = shown.model_dump(mode="json")
 
     def _take_picture(self, sample: Sample) -> None:
         try:

@@ -12,12 +12,12 @@ from config.links import Bus as BusSettings
 from config.settings import Settings
 from config.turbine import Site
 from drivers.bus import Bus, BusUnreachable, Key
-from drivers.bus_access import ROLES_FILE, Role, read_roles, write_roles
+from drivers.bus_access import ALL_VERBS, ROLES_FILE, Role, read_roles, write_roles
 from drivers.bus_session import BusNotSafe
 from drivers.certificates import issue, make_authority
 from mission.flight.command import MissionState, Phase, Progress
 from mission.remote.client import Client, NoReply, bus_settings
-from mission.remote.desk import ALL_VERBS, TOO_MANY, Desk
+from mission.remote.desk import TOO_MANY, Desk
 from mission.remote.fleet import Fleet
 from mission.remote.history import History
 from mission.remote.messages import Code, StateMessage

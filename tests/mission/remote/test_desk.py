@@ -6,9 +6,9 @@ import pytest
 from config.settings import Settings
 from config.turbine import Site
 from drivers.bus import Ask, Key, Sample
-from drivers.bus_access import LOCAL, Role
+from drivers.bus_access import ALL_VERBS, LOCAL, Role
 from mission.flight.command import MissionState, Phase, PhotoCommand, Progress
-from mission.remote.desk import ALL_VERBS, Desk
+from mission.remote.desk import Desk
 from mission.remote.history import MAX_EVENTS, History
 from mission.remote.messages import (
     Code,

@@ -12,9 +12,10 @@ from config.links import Bus as BusSettings
 from config.settings import Settings
 from config.turbine import Site
 from drivers.bus import Bus, Key
+from drivers.bus_access import ALL_VERBS
 from mission.flight.command import MissionState, Phase, Progress
 from mission.remote import farm_run
-from mission.remote.desk import ALL_VERBS, TOO_MANY, Desk
+from mission.remote.desk import TOO_MANY, Desk
 from mission.remote.farm import Farm, Stage
 from mission.remote.farm_run import FarmRun
 from mission.remote.fleet import Fleet

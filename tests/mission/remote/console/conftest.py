@@ -11,10 +11,11 @@ from config.links import Bus as BusSettings
 from config.settings import Settings
 from config.turbine import Site
 from drivers.bus import Bus, Key
+from drivers.bus_access import ALL_VERBS
 from mission.flight.command import MissionState, Phase, PhotoCommand, Progress
 from mission.remote.console.board import Board
 from mission.remote.console.server import ConsoleServer
-from mission.remote.desk import ALL_VERBS, TOO_MANY, Desk
+from mission.remote.desk import TOO_MANY, Desk
 from mission.remote.history import History
 from mission.remote.messages import (
     EventMessage,
