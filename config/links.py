@@ -21,6 +21,8 @@ class Autopilot(ConfigModel):
     """The vehicle we are bound to; every other one is ignored."""
     connect_timeout_s: Positive = 15.0
     position_rate_hz: Annotated[float, Field(ge=5, le=200)] = 50.0
+    record_link: bool = True
+    """Record every MAVLink message as it was on the wire (`link.tlog`)."""
     set_parameters: bool = False
     """Set the parameters that preflight demands (offboard loss, return height), not only check."""
 

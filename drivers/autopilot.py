@@ -18,7 +18,7 @@ import contextlib
 import logging
 import math
 from collections.abc import Callable
-from types import TracebackType
+from pathlib import Path
 from typing import Self
 
 from config.links import Autopilot
@@ -59,9 +59,11 @@ _SLOW_RATES = ((331, 5.0), (33, 5.0), (231, 1.0), (242, 0.5))
 class AutopilotLink:
     """One autopilot by MAVLink, bound to one system id; an async context manager."""
 
-    def __init__(self, settings: Autopilot, clock: Clock) -> None:
+    def __init__(self, settings: Autopilot, clock: Clock, tap_file: Path | None = None) -> None:
+        """``tap_file``: where to tell on which port the raw link can be heard; None: nowhere."""
         self._settings = settings
         self._clock = clock
+        self._tap_file = tap_file if settings.record_link else None
         self._state = VehicleState(clock)
         self._wire: Wire | None = None
         self._parameters: Parameters | None = None
@@ -75,7 +77,7 @@ class AutopilotLink:
         if self._settings.payload_url:
             urls.append(self._settings.payload_url)
         self._wire = await Wire.open(
-            urls, self._settings.system_id, self._settings.connect_timeout_s
+            urls, self._settings.system_id, self._settings.connect_timeout_s, self._tap_file
         )
         for name in VehicleState.MESSAGES:
             self._wire.listen(name, self._state.take, component_id=1)
@@ -83,12 +85,7 @@ class AutopilotLink:
         self._rates = asyncio.create_task(self._keep_rates(), name="message rates")
         return self
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         """Let go of the vehicle; nothing is sent any more."""
         if self._rates is not None:
             self._rates.cancel()

@@ -27,6 +27,7 @@ from mavsdk import Configuration, LogLevel, Mavsdk, MavsdkError, System, log_sub
 from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
 
 from drivers.autopilot_errors import LinkFailed, NoVehicle, PortTaken, Refused
+from drivers.autopilot_tap import open_tap
 
 _log = logging.getLogger(__name__)
 _native_log = logging.getLogger("mavsdk")
@@ -144,8 +145,13 @@ class Wire:
         self.listen("COMMAND_ACK", self._take_ack)
 
     @classmethod
-    async def open(cls, urls: Sequence[str], system_id: int, timeout_s: float) -> Wire:
-        """Open every URL and wait (wall time) for the autopilot with our system id."""
+    async def open(
+        cls, urls: Sequence[str], system_id: int, timeout_s: float, tap_file: Path | None = None
+    ) -> Wire:
+        """Open every URL and wait (wall time) for the autopilot with our system id.
+
+        ``tap_file``: where to tell on which port the raw link can be heard (`autopilot_tap`).
+        """
         for url in urls:
             check_url(url)
         log_subscribe(_take_log)
@@ -159,6 +165,8 @@ class Wire:
                 except (MavsdkError, ConnectionError) as error:
                     raise LinkFailed(f"{url}: {error}") from error
             system = await _find(mavsdk, urls[0], system_id, timeout_s)
+            if tap_file is not None:
+                await loop.run_in_executor(None, open_tap, mavsdk, tap_file)
         except BaseException:
             mavsdk.destroy()
             _remove_new(folders)

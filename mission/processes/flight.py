@@ -18,6 +18,7 @@ from config.turbine import Site, Turbine
 from drivers.autopilot import AutopilotLink
 from drivers.autopilot_announcer import Announcer
 from drivers.autopilot_errors import AutopilotError
+from drivers.autopilot_tap import TAP_FILE
 from drivers.bus import Bus, Key, Sample
 from drivers.clock import sleep_until
 from drivers.payload import Payload, PhotoTaken
@@ -72,6 +73,7 @@ class Flight:
         self._settings = runtime.settings
         self._clock = runtime.clock
         self._bus = bus
+        self._tap_file = runtime.run_dir / TAP_FILE
         self._inputs = FlightInputs(bus)
         self._pace = Pace()
         self._outputs = FlightOutputs(bus, runtime, self._pace)
@@ -107,7 +109,9 @@ class Flight:
         try:
             while True:
                 try:
-                    async with AutopilotLink(self._settings.autopilot, self._clock) as link:
+                    async with AutopilotLink(
+                        self._settings.autopilot, self._clock, self._tap_file
+                    ) as link:
                         self._link, self._link_words = link, ""
                         # A camera on the vehicle's own link tells of its photos by itself.
                         apart = bool(self._settings.autopilot.payload_url)

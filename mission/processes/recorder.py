@@ -17,11 +17,13 @@ from config.errors import ConfigError
 from config.presets import load_turbine
 from config.settings import Settings
 from config.sources import to_toml
+from drivers.autopilot_tap import TAP_FILE, TapListener
 from drivers.bus import Bus, Key, Sample
 from mission.flight.observation import RequestKind
 from mission.processes.runtime import Runtime, run_process
 from mission.records.course import CourseKeeper
-from mission.records.files import CONFIG, EVENTS, new_recording, write_whole
+from mission.records.files import CONFIG, EVENTS, LINK, new_recording, write_whole
+from mission.records.link_log import LinkLog
 from mission.records.photo_moment import PhotoHistory, PhotoMoment
 from mission.records.photo_record import PhotoRecord, stored_records
 from mission.records.photos import NotAJpeg, PhotoLost, PhotoSite, fetch, store
@@ -52,6 +54,7 @@ class _Open:
     intent: Intent
     folder: Path
     recording: Recording
+    link: LinkLog
     site: PhotoSite
     history: PhotoHistory
     settings: Settings
@@ -72,6 +75,9 @@ class Recorder:
         self._settings = runtime.settings
         self._clock = runtime.clock
         self._bus = bus
+        self._tap = TapListener(
+            runtime.run_dir / TAP_FILE, runtime.settings.autopilot.system_id, self._take_link
+        )
         self._open: _Open | None = None
         # One thread for the files that grow, so that their order is kept; others for photos.
         self._writer = ThreadPoolExecutor(1, "write")
@@ -80,6 +86,7 @@ class Recorder:
     async def run(self) -> None:
         """Record until cancelled; an open recording is closed."""
         self._bus.subscribe("**", self._take)
+        listening = asyncio.create_task(self._tap.run(), name="the vehicle's link")
         try:
             while True:
                 folder = "" if self._open is None else str(self._open.folder)
@@ -87,8 +94,10 @@ class Recorder:
                 self._bus.publish(Key.READY, ready.model_dump_json().encode())
                 await asyncio.sleep(READY_S)
         finally:
+            listening.cancel()
             if self._open is not None:
                 self._submit(self._open.recording.close)
+                self._submit(self._open.link.close)
             self._writer.shutdown(wait=True)
             self._fetchers.shutdown(wait=False, cancel_futures=True)
 
@@ -100,6 +109,13 @@ class Recorder:
                 log.error("data lost: %s", error)
 
         self._writer.submit(guarded)
+
+    def _take_link(self, data: bytes) -> None:
+        """Record a datagram of the vehicle's link."""
+        mission = self._open
+        if mission is not None:
+            utc_ns = time.time_ns()
+            self._submit(lambda: mission.link.add(data, utc_ns))
 
     def _take(self, sample: Sample) -> None:
         if sample.key == Key.RECORD:
@@ -150,6 +166,7 @@ class Recorder:
             intent,
             folder,
             recording,
+            LinkLog(new_recording(folder, LINK)),
             site,
             PhotoHistory(self._settings.positioning),
             settings.model_copy(update={"inspection": asked}),
@@ -210,13 +227,14 @@ class Recorder:
         ok, text = True, ""
         try:
             await loop.run_in_executor(self._writer, mission.recording.close)
+            await loop.run_in_executor(self._writer, mission.link.close)
             await loop.run_in_executor(
                 self._writer,
                 close_folder,
                 mission.folder,
                 report,
                 tuple(mission.records),
-                (*mission.lost.values(), *mission.recording.lost()),
+                (*mission.lost.values(), *mission.recording.lost(), *mission.link.lost()),
                 mission.settings,
                 mission.course.course(),
             )

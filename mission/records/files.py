@@ -14,6 +14,7 @@ REPORT = "report.html"
 COMPARISON = "comparison.html"
 CONFIG = "config.toml"
 RECORDING = "recording.mcap"
+LINK = "link.tlog"
 GEOJSON = "photos.geojson"
 MANIFEST = "SHA256SUMS"
 
@@ -29,12 +30,12 @@ def write_whole(path: Path, data: bytes) -> None:
     part.replace(path)
 
 
-def new_recording(folder: Path) -> Path:
+def new_recording(folder: Path, name: str = RECORDING) -> Path:
     """Return where to record: beside what an earlier process has recorded of the same mission."""
-    path, count = folder / RECORDING, 1
+    path, count = folder / name, 1
     while path.is_file() and path.stat().st_size > 0:
         count += 1
-        path = folder / f"{Path(RECORDING).stem}-{count}{Path(RECORDING).suffix}"
+        path = folder / f"{Path(name).stem}-{count}{Path(name).suffix}"
     return path
 
 

@@ -2,11 +2,16 @@
 
 import dataclasses
 import json
+import re
 import struct
+from collections import Counter
+from pathlib import Path
 
+import numpy as np
 import psutil
 import pytest
 from mcap.reader import make_reader
+from pymavlink import mavutil
 
 from config.settings import Settings
 from config.simulation import Simulation
@@ -14,6 +19,7 @@ from drivers.simulated.scene import draw_scene
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
+ROOT = Path(__file__).parents[2]
 SMALL = {
     "sites.0.scale": 0.5,
     "inspection.blades": "A",
@@ -52,6 +58,40 @@ def test_its_photos_are_there_with_what_is_known_of_each(flown):
         assert json.loads(photo.with_suffix(".json").read_text())["blade"] == "A"
 
 
+def test_its_recording_opens_with_the_stock_tools_and_holds_what_is_listed_at_the_rates(flown):
+    stamps = {}
+    with (flown.folder / "recording.mcap").open("rb") as file:
+        reader = make_reader(file)
+        summary = reader.get_summary()
+        for _, channel, message in reader.iter_messages():
+            stamps.setdefault(channel.topic.removeprefix("/"), []).append(message.log_time * 1e-9)
+    assert summary.statistics.message_count == sum(map(len, stamps.values()))
+    schemas = {schema.name for schema in summary.schemas.values()}
+    assert {"foxglove.PointCloud", "foxglove.FrameTransforms", "foxglove.SceneUpdate"} <= schemas
+    rows = [line.split("|") for line in (ROOT / "ARCHITECTURE.md").read_text().splitlines()]
+    rates = {row[1].strip().strip("`"): f"{row[2]}{row[3]}" for row in rows if len(row) > 4}
+    for key, times in stamps.items():
+        assert key in rates, f"{key} is recorded and not listed"
+        if (listed := re.search(r"(\d+) Hz", rates[key])) and len(times) > 50:
+            # Pictures are rendered and fits made as fast as other work on a machine lets them.
+            within = 0.5 if key in ("sensor/camera/frame", "perception/hub_prior") else 0.8
+            if key == "perception/ready":  # of several processes
+                continue
+            assert within < np.median(np.diff(times)) ** -1 / int(listed[1]) < 1.25, key
+
+
+def test_the_vehicles_link_is_recorded_both_ways_and_the_ground_stations_reader_reads_it(flown):
+    reader = mavutil.mavlink_connection(str(flown.folder / "link.tlog"), dialect="common")
+    counts = Counter()
+    while (message := reader.recv_match()) is not None:
+        counts[message.get_type(), message.get_srcComponent()] += 1
+    reader.close()
+    duration_s = flown.mission["duration_s"]
+    assert counts["SET_POSITION_TARGET_LOCAL_NED", 191] > 10 * duration_s
+    assert counts["LOCAL_POSITION_NED", 1] > 10 * duration_s
+    assert not [kind for kind in counts if kind[0] == "BAD_DATA"]
+
+
 def test_no_process_of_it_stays(flown):
     assert flown.left == []
 
@@ -80,7 +120,7 @@ def daemon_files(flown):
     """Return what the daemon and its processes wrote; the clock is the world's, and only time."""
     daemon = flown.run_dir / "serve"
     files = [path for path in daemon.rglob("*") if path.is_file() and path.name != "clock"]
-    return [*files, flown.folder / "config.toml", flown.folder / "events.jsonl"]
+    return [*files, *(flown.folder / name for name in ("config.toml", "events.jsonl", "link.tlog"))]
 
 
 def found_in(texts, needles):

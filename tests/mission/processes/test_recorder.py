@@ -3,14 +3,17 @@
 import asyncio
 import http.server
 import json
+import socket
 import threading
 
 import cv2
 import numpy as np
 import pytest
+from pymavlink.dialects.v20 import common as mavlink
 
 from config.settings import Settings
 from config.turbine import Site
+from drivers.autopilot_tap import TAP_FILE
 from drivers.bus import Key, Sample
 from drivers.clock import MonotonicClock
 from mission.flight.command import MissionState, Phase, PhotoCommand
@@ -194,3 +197,37 @@ def test_a_recorder_that_comes_back_goes_on_with_the_mission_and_loses_no_photo(
     ready = [message for key, message in said if key == Key.READY]
     assert ready[0]["name"] == "recorder"
     assert ready[0]["recording"] == ""
+
+
+async def hear_the_link(tmp_path):
+    """Play flight's end of the tap, and end the recorder in the middle of the mission."""
+    loop = asyncio.get_running_loop()
+    runtime = Runtime(Settings(), MonotonicClock(), tmp_path)
+    packer = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+    frame = bytes(packer.heartbeat_encode(2, 12, 81, 0, 4).pack(packer))
+    bus = HandBus()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as flight:
+        flight.bind(("127.0.0.1", 0))
+        flight.setblocking(False)
+        (tmp_path / TAP_FILE).write_text(f"{flight.getsockname()[1]}\n")
+        running = asyncio.create_task(Recorder(runtime, bus).run())
+        beat, listener = await asyncio.wait_for(loop.sock_recvfrom(flight, 1024), 10.0)
+        start = Intent(kind=RequestKind.START, id="1", site="one", mission_dir=str(tmp_path))
+        await loop.sock_sendto(flight, frame, listener)  # before the mission: not of it
+        await asyncio.sleep(0.05)
+        bus.deliver(Key.INTENT, start)
+        for _ in range(3):
+            await loop.sock_sendto(flight, frame, listener)
+        await asyncio.sleep(0.1)
+    running.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await running
+    return beat, frame
+
+
+def test_the_vehicles_link_is_recorded_beside_the_bus(tmp_path):
+    beat, frame = asyncio.run(hear_the_link(tmp_path))
+    (message,) = mavlink.MAVLink(None).parse_buffer(beat)
+    assert (message.get_srcSystem(), message.get_srcComponent()) == (1, 155)
+    data = (tmp_path / "link.tlog").read_bytes()
+    assert [data[at : at + len(frame)] for at in range(8, len(data), 8 + len(frame))] == [frame] * 3
