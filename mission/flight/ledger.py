@@ -30,6 +30,8 @@ class PhotoStatus(Enum):
 LASTING = frozenset({PhotoStatus.REJECTED, PhotoStatus.BLURRED})
 #: Photos are taken again until this share of the skin that a leg's photos can show is shown.
 COVERED_SHARE = 0.99
+#: Of one metre: what these did not show is out of sight from there.
+ENOUGH_PHOTOS = 2
 
 
 @dataclass(slots=True)
@@ -197,22 +199,33 @@ class Ledger:
 
         By the skin itself: a photo that was aimed a little aside, or taken a little late, leaves
         a strip that only another photo shows. The fewest metres, taken by what each would add,
-        that bring the leg to its share. Without a skin: the metres that no kept photo is near.
+        that bring the leg to its share; what two photos of a metre did not show, a third will not
+        either. Without a skin: the metres that no kept photo is near.
         """
         skin, seen = self._skins.get(leg.blade, {}).get(leg.side), self.covered(leg.blade, leg.side)
         if skin is None or seen is None:
             return self.missing(leg)
         shows = {}
         for metre in leg.photos:
+            if self._kept_at(leg, metre) >= ENOUGH_PHOTOS:
+                continue
             sight = leg.target(metre) - leg.position(metre)
             look = Look(leg.position(metre), sight / float(np.linalg.norm(sight)))
             shows[metre] = skin.seen_in(look, settings)
-        reachable = np.logical_or.reduce(list(shows.values()))
-        unseen = reachable & ~seen
-        most_m2 = (1.0 - COVERED_SHARE) * float(skin.areas_m2[reachable].sum())
-        wanted = set()
+        unseen = np.logical_or.reduce([*shows.values(), seen]) & ~seen
+        most_m2 = (1.0 - COVERED_SHARE) * float(skin.areas_m2[unseen | seen].sum())
+        wanted: set[float] = set()
         while float(skin.areas_m2[unseen].sum()) > most_m2:
             best = max(shows, key=lambda m: float(skin.areas_m2[shows[m] & unseen].sum()))
             wanted.add(best)
             unseen = unseen & ~shows[best]
         return tuple(metre for metre in leg.photos if metre in wanted)
+
+    def _kept_at(self, leg: Leg, metre: float) -> int:
+        """Return how many kept photos were meant for a metre of this leg's line."""
+        return sum(
+            photo.status is PhotoStatus.TAKEN
+            and photo.leg.view_w is leg.view_w
+            and abs(photo.target_m - metre) < 0.05
+            for photo in self.side(leg).photos
+        )

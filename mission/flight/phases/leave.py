@@ -53,15 +53,18 @@ class StandOff:
             self._started_s = flight.now_s
             scan = flight.observation.clearance
             fresh = scan is not None and flight.now_s - scan.stamp_s < 0.5
-            flight.go(way_out(flight), OUT_SPEED_MPS if fresh else BLIND_SPEED_MPS)
+            # All flown: the way that is soonest home. Something is wrong: the shortest.
+            homeward = isinstance(self._then, Home) and flight.outcome is None
+            flight.go(way_out(flight, homeward), OUT_SPEED_MPS if fresh else BLIND_SPEED_MPS)
         return Intent(words, setpoint=flight.follow(flight.yaw_to(flight.hub_w)))
 
 
-def way_out(flight: Flight) -> Float:
-    """Return points (K, 3) from near the vehicle to outside the sphere."""
+def way_out(flight: Flight, homeward: bool) -> Float:
+    """Return points (K, 3) from near the vehicle to outside the sphere, if need be homeward."""
     here, hub = flight.here_w, flight.hub_w
     if flight.plan is not None:
-        way = flight.plan.roadmap.way_out(here)
+        home = np.array(flight.home_w) if homeward and flight.home_w is not None else None
+        way = flight.plan.roadmap.way_out(here, home)
         if way is not None:
             # The last node lies beyond the tips: a step farther is outside for certain.
             outward = way[-1] - hub

@@ -44,6 +44,17 @@ def test_every_pass_is_clear_every_metre_flown_or_reasoned_and_every_way_clear(s
         assert np.linalg.norm(out[-1] - model.hub_w) > model.rotor_radius_m + 12.0
 
 
+def test_the_way_out_that_is_homeward_ends_nearer_to_home_than_the_shortest():
+    model, _, found = planned(17.0, 85.0)
+    here = found.legs[-1].line()[-1]
+    home = model.hub_w + np.array([-80.0, 70.0, -84.0])
+    shortest, homeward = found.roadmap.way_out(here), found.roadmap.way_out(here, home)
+    assert np.linalg.norm(homeward[-1] - home) < np.linalg.norm(shortest[-1] - home) - 5.0
+    for a, b in itertools.pairwise(homeward):
+        points = a + np.linspace(0, 1, 60)[:, None] * (b - a)
+        assert model.distance(points).min() - RADIUS >= 8.5
+
+
 @pytest.mark.parametrize("name", ["v27", "nrel-1.72-103", "iea-15-240"])
 def test_other_sizes_are_planned_as_well(name):
     _, _, found = planned(40.0, 85.0, name, [("A", "PS"), ("B", "SS"), ("C", "LE")])

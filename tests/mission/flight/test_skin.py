@@ -114,6 +114,17 @@ def test_blurred_photos_and_photos_aimed_aside_leave_skin_to_be_shown(flown):
     assert ledger.settle(blurred.photo_id, PhotoStatus.TAKEN) is None
 
 
+def test_what_two_photos_of_a_metre_did_not_show_is_not_flown_a_third_time(flown):
+    ledger, side = flown
+    leg = side.legs[0]
+    aside = 3.0 * np.cross(leg.axis_w, leg.view_w)
+    for index, metre in enumerate(leg.photos):
+        photograph(ledger, leg, metre, aside_w=aside if index == 5 else 0.0)
+    assert ledger.thin(leg, SETTINGS) == (leg.photos[5],)
+    photograph(ledger, leg.with_photos((leg.photos[5],), again=True), leg.photos[5], aside_w=aside)
+    assert ledger.thin(leg, SETTINGS) == ()
+
+
 def test_a_chord_wider_than_the_picture_is_photographed_in_rows():
     broad = load_turbine("dtu-10mw")
     hub = np.array([0.0, 0.0, 119.0])
