@@ -1,1 +1,1 @@
-"""The tables of the README, measured here and now."""
+"""The tables of the docs/measured.md, measured here and now."""

@@ -1,4 +1,4 @@
-"""What the README and ARCHITECTURE.md tell a newcomer to type, read and open is really there."""
+"""What README, ARCHITECTURE.md and docs/measured.md tell one to type and open is really there."""
 
 import ast
 import re
@@ -18,6 +18,7 @@ from mission.cli.main import app
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
 ARCHITECTURE = (ROOT / "ARCHITECTURE.md").read_text()
+MEASURED = (ROOT / "docs" / "measured.md").read_text()
 PLACEHOLDERS = {
     "FILE": "drone.toml",
     "TURBINE": "hill-3",
@@ -35,12 +36,12 @@ def blocks(language):
     ]
 
 
-def typed():
-    """Return every command of the README: lines of its sh blocks, and inline code."""
+def typed(text=README):
+    """Return every command of a page: lines of the README's sh blocks, and inline code."""
     lines = [line for block in blocks("sh") for line in block.splitlines() if line.strip()]
-    inline = re.findall(r"`((?:bladescout|make) [^`]+)`", README)
+    inline = re.findall(r"`((?:bladescout|make) [^`]+)`", text)
     return list(
-        dict.fromkeys(lines + [text for text in inline if not text.startswith("bladescout-")])
+        dict.fromkeys(lines + [code for code in inline if not code.startswith("bladescout-")])
     )
 
 
@@ -62,7 +63,9 @@ def context_of(words):
         command, words = command.commands[words[0]], words[1:]
 
 
-@pytest.mark.parametrize("command", [c for c in typed() if c.startswith("bladescout")])
+@pytest.mark.parametrize(
+    "command", [c for c in typed(README + MEASURED) if c.startswith("bladescout")]
+)
 def test_every_command_can_be_typed_as_it_stands(command):
     words = words_of(command)
     if words[1:] == ["start", "hill-3"]:
@@ -73,7 +76,7 @@ def test_every_command_can_be_typed_as_it_stands(command):
 
 def test_every_make_target_exists():
     targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
-    asked = {words_of(c)[1] for c in typed() if c.startswith("make ")}
+    asked = {words_of(c)[1] for c in typed(README + MEASURED) if c.startswith("make ")}
     assert asked >= {"mission", "test"}
     assert asked <= targets
 
@@ -123,12 +126,25 @@ def test_the_exit_codes_are_those_of_the_command_line():
     assert told == {int(code) for code in Exit}
 
 
-def test_the_picture_is_there_and_light():
-    for name in re.findall(r"!\[[^]]*\]\(([^)]+)\)", README):
-        assert (ROOT / name).stat().st_size < 400_000
+@pytest.mark.parametrize("page", [ROOT / "README.md", ROOT / "docs" / "measured.md"])
+def test_the_pictures_are_there_and_light(page):
+    names = re.findall(r"!\[[^]]*\]\(([^)]+)\)", page.read_text())
+    assert names
+    for name in names:
+        assert (page.parent / name).stat().st_size < 400_000
 
 
-NAMED = re.findall(r"`([a-zA-Z_]+(?:/[a-z_0-9]+)*(?:/|\.py|\.md|\.lock))`", README + ARCHITECTURE)
+def test_the_figures_of_the_readme_are_those_that_were_measured():
+    rows = README.partition("## Measured")[2].partition("\n\n|")[2].partition("\n\n")[0]
+    values = [row.split("|")[2].strip() for row in rows.splitlines()[2:]]
+    assert len(values) == 10
+    stale = [value for value in values if value not in MEASURED]
+    assert stale == [], "docs/measured.md says otherwise now"
+
+
+NAMED = re.findall(
+    r"`([a-zA-Z_]+(?:/[a-z_0-9]+)*(?:/|\.py|\.md|\.lock))`", README + ARCHITECTURE + MEASURED
+)
 
 
 @pytest.mark.parametrize("name", sorted(set(NAMED) - {"log/"}))
@@ -141,7 +157,7 @@ def test_the_table_of_flows_names_every_key(key):
     assert f"| `{key}` |" in ARCHITECTURE
 
 
-@pytest.mark.parametrize("name", ["README.md", "ARCHITECTURE.md"])
+@pytest.mark.parametrize("name", ["README.md", "ARCHITECTURE.md", "docs/measured.md"])
 def test_every_table_has_the_same_number_of_columns_in_each_row(name):
     for table in re.findall(r"(?:^ *\|.*\|\n)+", (ROOT / name).read_text(), re.MULTILINE):
         assert len({len(re.findall(r"(?<!\\)\|", row)) for row in table.splitlines()}) == 1, table
