@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Self
 
 from drivers.bus import BusUnreachable
+from mission.records.files import write_whole
 from mission.remote.client import Client, NoReply
 from mission.remote.farm import (
     Farm,
@@ -179,6 +180,4 @@ class FarmRun:
         if ledger == self.ledger and self._path.exists():
             return
         self.ledger = ledger
-        beside = self._path.with_suffix(".part")
-        beside.write_text(ledger.model_dump_json(indent=2) + "\n")
-        beside.replace(self._path)
+        write_whole(self._path, (ledger.model_dump_json(indent=2) + "\n").encode())
