@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pydantic import ValidationError
+
 
 class ConfigError(ValueError):
     """A file, variable or option holds something that cannot be used.
@@ -13,3 +15,17 @@ class ConfigError(ValueError):
     def __init__(self, *problems: str) -> None:
         self.problems = problems
         super().__init__("\n".join(problems))
+
+
+def first_fault(error: ValidationError, *, whole: str = "", found: bool = False) -> str:
+    """Return where the first thing that is wrong stands, and what: ``turbines.0.name: ...``.
+
+    ``whole``: how what was read is called where it is wrong as a whole. ``found``: with the value
+    that was found, for what somebody has just typed.
+    """
+    fault = error.errors(include_url=False)[0]
+    where = ".".join(str(part) for part in fault["loc"]) or whole
+    words = fault["msg"].removeprefix("Value error, ")
+    if found:
+        where = f"{where} {fault['input']!r}"
+    return f"{where}: {words}" if where else words

@@ -19,7 +19,7 @@ from importlib.resources import files
 
 from pydantic import ConfigDict, Field, ValidationError
 
-from config.errors import ConfigError
+from config.errors import ConfigError, first_fault
 from config.model import ConfigModel
 from config.turbine import BladeShape, Turbine
 
@@ -101,7 +101,7 @@ def _read(name: str) -> Turbine:
             return Turbine.model_validate(table)
         return _completed(table, load_turbine(str(family)))
     except ValidationError as error:
-        raise ConfigError(f"turbines/{name}.toml: {error.errors()[0]['msg']}") from error
+        raise ConfigError(f"turbines/{name}.toml: {first_fault(error)}") from error
 
 
 def _completed(table: dict[str, object], family: Turbine) -> Turbine:

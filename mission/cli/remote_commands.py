@@ -137,6 +137,7 @@ def start(
 def _answered(ask: Callable[[], Reply], show: Callable[[Reply], None]) -> None:
     from pydantic import ValidationError
 
+    from config.errors import first_fault
     from mission.remote.client import NoReply
 
     try:
@@ -144,9 +145,7 @@ def _answered(ask: Callable[[], Reply], show: Callable[[Reply], None]) -> None:
     except NoReply as error:
         end(Exit.DEVICE, str(error))
     except ValidationError as error:
-        fault = error.errors()[0]
-        where = ".".join(str(part) for part in fault["loc"])
-        end(Exit.CONFIGURATION, f"{where} {fault['input']!r}: {fault['msg']}")
+        end(Exit.CONFIGURATION, first_fault(error, found=True))
     show(reply)
 
 

@@ -28,6 +28,7 @@ def router(
 
     from pydantic import ValidationError
 
+    from config.errors import first_fault
     from config.links import Bus as BusSettings
     from drivers.bus import BusUnreachable
     from drivers.bus_access import BadRoles
@@ -38,7 +39,7 @@ def router(
         settings = BusSettings(listen=listen, remote=remote, keys=str(keys))
         asyncio.run(_route(settings))
     except ValidationError as error:
-        end(Exit.CONFIGURATION, f"--remote {remote!r}: {error.errors()[0]['msg']}")
+        end(Exit.CONFIGURATION, f"--{first_fault(error, found=True)}")
     except (BusNotSafe, BadRoles) as error:
         end(Exit.CONFIGURATION, str(error))
     except BusUnreachable:

@@ -17,6 +17,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from config.errors import first_fault
 from config.inspection import BladeName, Side
 from mission.records.files import PHOTOS
 from mission.records.locate import Located, OutsidePicture, locate
@@ -122,7 +123,7 @@ def _coco_rows(path: Path, text: str, folder: Path) -> list[tuple[str, _Row]]:
     try:
         coco = _Coco.model_validate(json.loads(text))
     except ValidationError as error:
-        raise BadFindings(f"{path} is not COCO: {_first(error)}") from error
+        raise BadFindings(f"{path} is not COCO: {first_fault(error)}") from error
     except ValueError as error:
         raise BadFindings(f"{path} is not JSON: {error}") from error
     images = {image.id: image for image in coco.images}
@@ -164,12 +165,7 @@ def _row(given: Mapping[str, object], where: str) -> _Row:
     try:
         return _Row.model_validate(given)
     except ValidationError as error:
-        raise BadFindings(f"{where}: {_first(error)}") from error
-
-
-def _first(error: ValidationError) -> str:
-    fault = error.errors(include_url=False)[0]
-    return f"{'.'.join(str(part) for part in fault['loc'])}: {fault['msg']}"
+        raise BadFindings(f"{where}: {first_fault(error)}") from error
 
 
 def _placed(row: _Row, where: str, folder: Path) -> Finding:

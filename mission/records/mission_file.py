@@ -11,6 +11,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from config.errors import first_fault
 from mission.records.course import Course
 from mission.records.files import MISSION
 
@@ -281,6 +282,4 @@ def read_mission(folder: Path) -> MissionFile:
     except (FileNotFoundError, NotADirectoryError) as error:
         raise NotAMission(f"{folder} holds no {MISSION}") from error
     except ValidationError as error:
-        fault = error.errors(include_url=False)[0]
-        where = ".".join(str(part) for part in fault["loc"])
-        raise NotAMission(f"{path}: {where + ': ' if where else ''}{fault['msg']}") from error
+        raise NotAMission(f"{path}: {first_fault(error)}") from error

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from config.errors import first_fault
 from mission.records.files import PHOTOS
 from mission.records.photo_view import PhotoView
 from perception.blade_in_picture import BladeStations, clipped, outline_px, see
@@ -194,7 +195,7 @@ def read_record(photo: Path) -> PhotoRecord:
     except FileNotFoundError as error:
         raise NotARecord(f"{photo} has no sidecar {path.name} beside it") from error
     except (OSError, ValidationError) as error:
-        words = error.errors()[0]["msg"] if isinstance(error, ValidationError) else str(error)
+        words = first_fault(error) if isinstance(error, ValidationError) else str(error)
         raise NotARecord(f"{path} is not the sidecar of a photo: {words}") from error
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from config.errors import first_fault
 from config.presets import load_turbine
 from config.settings import Settings
 from drivers.bus import MAX_REQUEST_BYTES, Ask
@@ -110,7 +111,7 @@ class Desk:
         try:
             return self._handlers[ask.verb](ask)
         except ValidationError as error:
-            return _refuse(Code.BAD_REQUEST, _first_fault(error))
+            return _refuse(Code.BAD_REQUEST, first_fault(error, whole="request"))
         except (ValueError, RecursionError) as error:
             return _refuse(Code.BAD_REQUEST, f"the request is not valid JSON: {error}")
 
@@ -264,9 +265,3 @@ def _started_before(request: StartRequest, first: StartRequest, folder: str) -> 
 
 def _refuse(code: Code, text: str) -> Reply:
     return Reply(ok=False, code=code, text=text)
-
-
-def _first_fault(error: ValidationError) -> str:
-    fault = error.errors()[0]
-    where = ".".join(str(part) for part in fault["loc"]) or "request"
-    return f"{where}: {fault['msg']}"

@@ -16,7 +16,7 @@ from typing import Annotated, Self
 
 from pydantic import Field, ValidationError, model_validator
 
-from config.errors import ConfigError
+from config.errors import ConfigError, first_fault
 from config.model import ConfigModel, Fraction
 from mission.flight.command import TERMINAL, MissionState
 from mission.remote.messages import StateMessage
@@ -80,9 +80,7 @@ def load_farm(path: Path) -> Farm:
     try:
         return Farm.model_validate(table)
     except ValidationError as error:
-        found = error.errors()[0]
-        where = ".".join(str(part) for part in found["loc"])
-        raise ConfigError(f"{path}: {where}: {found['msg']}") from error
+        raise ConfigError(f"{path}: {first_fault(error)}") from error
 
 
 class Stage(StrEnum):
