@@ -3,7 +3,9 @@
 Points in the rotor's slab are gathered over half a second at a time into a polar picture (ring by
 angle). Two such pictures of a still rotor match best unturned, those of a turning one at the angle
 turned in between, whichever blades were seen and wherever on the chord: the same ring is compared
-with itself. The rate is the slope of that angle over the lag between pictures.
+with itself. The rate is the slope of that angle over the lag between pictures. Only an unbroken
+run of pictures counts: over a gap in the scans (late, lost, held up) the position has wandered, and
+what has moved meanwhile cannot be told from what has turned.
 """
 
 from __future__ import annotations
@@ -27,6 +29,11 @@ RING_M = 1.5
 #: Nacelle and spinner fill the inner rings, turn or not.
 INNER_M = 6.0
 MIN_CELLS = 40
+#: A picture ends where the scans have a gap; and a run, where the pictures have one.
+SCAN_GAP_S = 0.6
+PICTURE_GAP_S = 1.0
+#: Pictures of a run from which a rate is told.
+LEAST_PICTURES = 4
 TOWER_SKIN_M = 0.7
 #: Rates below this are not told from the vehicle's own drift.
 SLOWEST_DPS = 0.4
@@ -65,18 +72,20 @@ class RotorMotionWatch:
         self._right_w: Float = np.cross(self._down_w, self._normal_w)
         self._radius_m = radius_m
         self._rings = math.ceil((radius_m + 2.0 - INNER_M) / RING_M)
-        self._begun_s: float | None = None
+        self._stamps_s: list[float] = []
+        """Of the scans in the picture that is gathered."""
         self._picture = np.zeros((self._rings, ANGLES))
-        self._weight_s = 0.0
         self._pictures: list[tuple[float, Complex]] = []
         self._blur = np.exp(-0.5 * (_signed_bins() / (0.6 * ANGLES / 360.0)) ** 2)
 
     def update(self, points_w: Float, stamp_s: float) -> None:
         """Take in one scan: (N, 3) world metres, measured about ``stamp_s``."""
-        if self._begun_s is None:
-            self._begun_s = stamp_s
-        elif stamp_s - self._begun_s >= WINDOW_S:
-            self._close(self._begun_s, stamp_s)
+        stamps_s = self._stamps_s
+        if stamps_s and stamp_s <= stamps_s[-1]:
+            return  # the same scan again, or one that was overtaken
+        if stamps_s and (stamp_s - stamps_s[0] >= WINDOW_S or stamp_s - stamps_s[-1] > SCAN_GAP_S):
+            self._close()
+        self._stamps_s.append(stamp_s)
         offset = points_w - self._hub_w
         depth = offset @ self._normal_w
         # Blades stand before the tower; feathered chords reach a good metre downwind.
@@ -90,21 +99,29 @@ class RotorMotionWatch:
         angle = np.floor((np.arctan2(y[inside], x[inside]) / (2 * np.pi) % 1.0) * ANGLES)
         np.add.at(self._picture, (ring[inside].astype(int), angle.astype(int) % ANGLES), 1.0)
 
-    def _close(self, begun_s: float, stamp_s: float) -> None:
-        """End a picture and begin the next."""
+    def _close(self) -> None:
+        """End a picture, of the time when its scans were taken, and begin the next."""
         if int((self._picture > 0).sum()) >= MIN_CELLS:
             # Roots of counts: near rings must not drown the far ones, which turn the most.
             spectrum = np.fft.rfft(np.sqrt(self._picture), axis=1)
-            middle = 0.5 * (begun_s + stamp_s)
-            self._pictures = [*self._pictures[-(WINDOWS - 1) :], (middle, spectrum)]
+            taken_s = float(np.mean(self._stamps_s))
+            self._pictures = [*self._pictures[-(WINDOWS - 1) :], (taken_s, spectrum)]
         self._picture = np.zeros((self._rings, ANGLES))
-        self._begun_s = stamp_s
+        self._stamps_s = []
+
+    def _run(self) -> list[tuple[float, Complex]]:
+        """Return the newest pictures that follow each other without a gap."""
+        run = self._pictures[-1:]
+        for picture in reversed(self._pictures[:-1]):
+            if run[0][0] - picture[0] > PICTURE_GAP_S:
+                break
+            run.insert(0, picture)
+        return run
 
     def result(self) -> RotorMotion | None:
         """Return the motion over the last seconds, None where too little was seen."""
-        newest_s = self._pictures[-1][0] if self._pictures else 0.0
-        recent = [picture for picture in self._pictures if picture[0] > newest_s - 5.0]
-        if len(recent) < 4:
+        recent = self._run()
+        if len(recent) < LEAST_PICTURES:
             return None
         lags, turns = [], []
         guess = 0.0

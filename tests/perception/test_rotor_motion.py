@@ -53,3 +53,35 @@ def test_without_points_nothing_is_known():
     for k in range(30):
         motion.update(np.empty((0, 3)), 0.2 * k)
     assert motion.result() is None
+
+
+def test_over_a_gap_in_the_scans_nothing_is_told(synthetic_turbine):
+    turbine = synthetic_turbine(stop_angle_deg=40, trees=False, spacing_m=0.2)
+    bearing = np.radians(turbine.upwind_deg)
+    place = np.array([35.0 * np.cos(bearing), 35.0 * np.sin(bearing), 50.0])
+    motion = RotorMotionWatch(turbine.hub_w, turbine.normal_w, turbine.turbine.rotor_radius_m)
+    # The position has slid while no scan came: the blades seem turned on.
+    early, late = ([0.2 * k for k in range(7)], [4.2 + 0.2 * k for k in range(7)])
+    for k, time_s in enumerate([*early, *late]):
+        points, _ = turbine.scan(place, 0.2, seed=k, turn_deg=3.0 * (time_s > 4.0))
+        motion.update(points, time_s)
+        found = motion.result()
+        assert found is None or not found.turning
+
+
+def test_a_scan_that_was_overtaken_changes_nothing(synthetic_turbine):
+    turbine = synthetic_turbine(stop_angle_deg=40, trees=False, spacing_m=0.2)
+    bearing = np.radians(turbine.upwind_deg)
+    place = np.array([35.0 * np.cos(bearing), 35.0 * np.sin(bearing), 50.0])
+    once, twice = (
+        RotorMotionWatch(turbine.hub_w, turbine.normal_w, turbine.turbine.rotor_radius_m)
+        for _ in range(2)
+    )
+    for k in range(15):
+        points, _ = turbine.scan(place, 0.2, seed=k)
+        once.update(points, 0.2 * k)
+        twice.update(points, 0.2 * k)
+        old, _ = turbine.scan(place, 0.2, seed=k, turn_deg=-4.0)
+        twice.update(old, 0.2 * k - 0.8)
+    assert once.result() is not None
+    assert once.result() == twice.result()
