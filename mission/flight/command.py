@@ -149,6 +149,10 @@ class Progress:
     photos: int = 0
     coverage: float = 0.0
     """Share of the planned metres photographed so far."""
+    flight: int = 1
+    """Number of this flight of the inspection."""
+    swap: bool = False
+    """The energy ended this flight: with a fresh battery `resume` goes on."""
 
 
 @dataclass(frozen=True, slots=True)

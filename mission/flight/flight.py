@@ -21,6 +21,7 @@ from mission.flight.command import (
     SensingTask,
     Setpoint,
 )
+from mission.flight.earlier import Earlier
 from mission.flight.events import Event, EventRecord, Reaction
 from mission.flight.guard import Airspace
 from mission.flight.ledger import Ledger
@@ -84,11 +85,15 @@ class Flight:
         self.observation = Observation(now_s=0.0, tick=-1)
         self.dt_s = 0.05
         self.request: Request | None = None
+        self.earlier: Earlier | None = None
+        """What earlier flights of the same inspection left behind."""
         self.home_w: Vec3 | None = None
         self.state = MissionState.IDLE
         self.outcome: MissionState | None = None
         """How the mission will have ended once it is landed; None: completed."""
         self.outcome_words = ""
+        self.swap = False
+        """The energy ended this flight: with a fresh battery another one can go on."""
         self.engaged = False
         """The autopilot was seen in OFFBOARD at our asking, and we have not left it."""
         self.engaged_s = math.inf

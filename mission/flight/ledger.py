@@ -161,6 +161,22 @@ class Ledger:
         self.side(leg).photos.append(photo)
         return photo
 
+    def number_from(self, photo_id: int) -> None:
+        """Number new photos from here on: the numbers before are an earlier flight's."""
+        self._next_id = max(self._next_id, photo_id)
+
+    def adopt(
+        self, photo_id: int, leg: Leg, target_m: float, metre: float, status: PhotoStatus
+    ) -> Photo:
+        """Enter a photo of an earlier flight; after a new measurement, anew."""
+        book, before = self.side(leg), self._photos.get(photo_id)
+        if before is not None:
+            book.photos.remove(before)
+        photo = Photo(photo_id, leg, target_m, metre, -math.inf, status)
+        self._photos[photo_id] = photo
+        book.photos.append(photo)
+        return photo
+
     def settle(self, photo_id: int, status: PhotoStatus) -> Photo | None:
         """Write down what became of a photo; a rejected or blurred one stays so."""
         photo = self._photos.get(photo_id)

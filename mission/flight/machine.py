@@ -122,6 +122,7 @@ class Machine:
             iterations=flight.iterations,
             passes=flight.ledger.reports(),
             events=tuple(self._events),
+            swap=flight.swap,
         )
 
     # --- a tick ---------------------------------------------------------------------------
@@ -133,6 +134,7 @@ class Machine:
         flight.dt_s = min(max(gap, 1e-3), 0.2) if flight.observation.tick >= 0 else 0.05
         flight.observation = observation
         flight.look()
+        self._earlier(observation)
         self._photos(observation)
         self._released_by_mode()
         intent = self._decided(observation)
@@ -219,6 +221,8 @@ class Machine:
             sigma_deg=None if rotor is None else rotor.sigma_deg,
             photos=taken,
             coverage=self._coverage[1],
+            flight=1 if flight.request is None else flight.request.flight,
+            swap=flight.swap,
         )
 
     def _ev_command(self, wanted: float | None, observation: Observation) -> float | None:
@@ -237,6 +241,12 @@ class Machine:
         return snapped
 
     # --- what arrives ---------------------------------------------------------------------
+
+    def _earlier(self, observation: Observation) -> None:
+        flight, earlier = self._flight, observation.earlier
+        if earlier is not None and flight.earlier is None:
+            flight.earlier = earlier
+            flight.ledger.number_from(earlier.next_photo_id)
 
     def _photos(self, observation: Observation) -> None:
         ledger, camera = self._flight.ledger, observation.camera
@@ -435,6 +445,7 @@ class Machine:
         if reaction is Reaction.RETURN and not self._going_home(inner):
             self._flight.rotor_open = self._flight.rotor_open and event is not Event.ROTOR_TURNING
             self._ending(OUTCOME.get(event, MissionState.ENDED_SAFELY), words)
+            self._flight.swap = self._flight.swap or event is Event.BATTERY_RESERVE
             if not self._flight.engaged:
                 return self._home_without_control(words)
             return self._hold_now(words, StandOff(Home()))

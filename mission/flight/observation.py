@@ -10,6 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from mission.flight.earlier import Earlier
+
 Vec3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
@@ -228,6 +230,8 @@ class Request:
     """The operator's word: rotor braked and locked, yaw off."""
     blades: tuple[str, ...] = ("A", "B", "C")
     sides: tuple[str, ...] = ("PS", "SS", "LE", "TE")
+    flight: int = 1
+    """Number of the flight of an inspection; a later one waits for `Observation.earlier`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -278,5 +282,7 @@ class Observation:
     """How late this tick began."""
     silent: Silence | None = None
     notes: tuple[str, ...] = field(default=())
+    earlier: Earlier | None = None
+    """What earlier flights left behind: told once, before the take-off of a later one."""
     guard_refused: str = ""
     """Why the guard replaced the setpoint of the tick before; empty: it did not."""

@@ -60,6 +60,8 @@ class MissionReport:
     """Rotor estimates until convergence, refusals included."""
     passes: tuple[PassReport, ...]
     events: tuple[EventRecord, ...]
+    swap: bool = False
+    """The energy ended this flight: with a fresh battery another one can go on."""
 
 
 @dataclass(slots=True)

@@ -18,6 +18,7 @@ from mission.flight.observation import BladeEstimate, RotorEstimate
 from mission.flight.phases.leave import leave
 from mission.flight.phases.track import Track
 from mission.flight.plan import Plan, plan_steps
+from mission.flight.resumption import adopt_steps, renamed, turned_words
 from mission.flight.rotor_model import MeasuredBlade, rotor_model
 from mission.flight.skin import blade_skin
 from perception.geometry import rotation_from_quaternion, stop_angle_difference_deg
@@ -72,6 +73,9 @@ class Estimate:
             self._sequence = newest.sequence
             self._take(flight, newest)
         if self._converged(flight):
+            words = "" if flight.earlier is None else turned_words(flight.earlier, self._good[-1])
+            if words:
+                return leave(flight, intent, MissionState.REFUSED, words)
             self._finish(flight)
             return intent
         estimation = flight.settings.estimation
@@ -140,6 +144,8 @@ class Estimate:
 
     def _finish(self, flight: Flight) -> None:
         """Fix the rotor, build the model, begin to plan."""
+        if flight.earlier is not None:
+            self._good = [renamed(one, flight.earlier) for one in self._good]
         rotor = self._good[-1]
         pitches = {b.name: _agreed_pitch(self._good, b.name, flight) for b in rotor.blades}
         flight.rotor = rotor
@@ -165,17 +171,11 @@ class Estimate:
         found = next(self._work)
         if found is None:
             return intent
-        flight.plan, flight.leg_index = found, 0
-        frames = found.model.frames
-        flight.ledger.measured({frame.name: blade_skin(frame, flight.turbine) for frame in frames})
-        for side_pass in found.passes:
-            flight.ledger.open_side(side_pass)
-            for gap in side_pass.unseen:
-                flight.note(
-                    "unseen",
-                    f"{side_pass.blade} {side_pass.side} "
-                    f"{gap.from_m:.0f}-{gap.to_m:.0f} m: {gap.reason}",
-                )
+        if flight.plan is not found:
+            self._open_books(flight, found)
+            if flight.earlier is not None:
+                self._work = adopt_steps(flight, found, flight.earlier)
+                return intent
         hub, here = flight.hub_w, flight.here_w
         outward = (here - hub) / float(np.linalg.norm(here - hub))
         way_in = np.stack([hub + outward * flight.clear_radius_m, here])
@@ -187,6 +187,19 @@ class Estimate:
             )
             return leave(flight, intent, MissionState.REFUSED, words)
         return Intent(intent.words, intent.setpoint, gimbal=intent.gimbal, then=Track())
+
+    def _open_books(self, flight: Flight, found: Plan) -> None:
+        flight.plan, flight.leg_index = found, 0
+        frames = found.model.frames
+        flight.ledger.measured({frame.name: blade_skin(frame, flight.turbine) for frame in frames})
+        for side_pass in found.passes:
+            flight.ledger.open_side(side_pass)
+            for gap in side_pass.unseen:
+                flight.note(
+                    "unseen",
+                    f"{side_pass.blade} {side_pass.side} "
+                    f"{gap.from_m:.0f}-{gap.to_m:.0f} m: {gap.reason}",
+                )
 
 
 def _wanted(flight: Flight) -> list[tuple[str, str]]:

@@ -61,6 +61,8 @@ def _faults(flight: Flight) -> list[str]:
             faults.append("battery: no telemetry")
         elif vehicle.battery < flight.settings.battery.reserve + 0.2:
             faults.append(f"battery: {vehicle.battery:.0%} is too little to begin")
+    if request is not None and request.flight > 1 and flight.earlier is None:
+        faults.append("earlier flights: what they left behind is being read")
     if request is None or not request.rotor_locked:
         faults.append("operator: the word 'rotor braked and locked, yaw off' is missing")
     clearance = observation.clearance

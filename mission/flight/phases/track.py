@@ -13,14 +13,15 @@ import math
 
 import numpy as np
 
-from mission.flight.command import Phase
+from mission.flight.command import MissionState, Phase
+from mission.flight.endurance import suffices
 from mission.flight.events import Event
 from mission.flight.flight import Flight, Intent
 from mission.flight.footprint import tracking_speed_mps
 from mission.flight.motion import Motion, shutter_s
 from mission.flight.passes import Leg
 from mission.flight.phases.home import Home
-from mission.flight.phases.leave import StandOff
+from mission.flight.phases.leave import StandOff, leave
 from mission.flight.phases.registration import Registration
 from mission.flight.phases.shooter import Shooter
 from perception.values import Float
@@ -51,6 +52,7 @@ class Track:
         self._speed = 1.0
         self._got_to_w: Float | None = None
         self._got_s = 0.0
+        self._begun = False
         self._motion: Motion | None = None
 
     def resume(self, _flight: Flight) -> None:
@@ -72,6 +74,8 @@ class Track:
             leg = self._next_leg(flight)
             if leg is None:
                 return Intent("all sides flown", setpoint=flight.hold(), then=StandOff(Home()))
+            if not self._affordable(flight, leg):
+                return _split(flight)
             self._begin(flight, leg)
         if self._leg is None or self._shooter is None:
             return Intent("between two legs", setpoint=flight.hold())
@@ -88,6 +92,12 @@ class Track:
         if self._running:
             return self._run(flight, self._leg, self._shooter)
         return self._transit(flight, self._leg, self._shooter)
+
+    def _affordable(self, flight: Flight, leg: Leg) -> bool:
+        """Return whether the battery suffices for a pass; what is begun with is always flown."""
+        photos = leg.photos if leg.again else flight.ledger.missing(leg)
+        first, self._begun = not self._begun, True
+        return first or suffices(flight, leg, photos)
 
     def _stuck(self, flight: Flight) -> bool:
         """Return whether the vehicle has not got on for a while, whatever keeps it."""
@@ -212,6 +222,13 @@ class Track:
             return track.distance_m
         foot = leg.foot(metre) + leg.centre(metre) + shift
         return float(np.linalg.norm(here - foot))
+
+
+def _split(flight: Flight) -> Intent:
+    """End this flight between two passes: another one flies the rest."""
+    flight.swap = True
+    words = "the battery does not suffice for the next pass: resume with a fresh one"
+    return leave(flight, Intent(words, flight.hold()), MissionState.ENDED_SAFELY, words)
 
 
 def _line(leg: Leg, metre: float, left: tuple[float, ...]) -> Float:
