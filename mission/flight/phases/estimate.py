@@ -11,6 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from mission.flight.agreed_rotor import agreed_rotor, same_blade
 from mission.flight.command import MissionState, Phase, SensingMode
 from mission.flight.events import Event
 from mission.flight.flight import Flight, Intent
@@ -30,8 +31,10 @@ ANEW_M = 2.5
 MOVE_MPS = 1.0
 #: A hub this far from the one found in the ascent is not this rotor's.
 IMPLAUSIBLE_M = 20.0
-#: Where estimates are refused, other distances are tried in turn (shares of d_c).
-OTHER_DISTANCES = (1.0, 0.8, 1.2)
+#: Where estimates are refused, other distances are tried in turn (shares of d_c), farther first:
+#: from there more of each blade lies within the LiDAR's height of view.
+OTHER_DISTANCES = (1.0, 1.25, 0.8)
+REFUSALS_A_PLACE = 2
 
 
 class Estimate:
@@ -95,7 +98,7 @@ class Estimate:
             flight.note("estimate", f"refused: {estimate.refusal_text or estimate.refusal}")
             if estimate.refusal == RefusalCode.ROTOR_TURNING:
                 flight.raised.add(Event.ROTOR_TURNING)
-            elif self._refused % 3 == 0:
+            elif self._refused % REFUSALS_A_PLACE == 0:
                 self._move(flight, np.array(flight.hub_w), flight.normal_w)
             return
         hub = np.array(estimate.hub_w)
@@ -119,7 +122,7 @@ class Estimate:
     ) -> None:  # fmt: skip
         if normal is None:
             return
-        share = OTHER_DISTANCES[(self._refused // 3) % len(OTHER_DISTANCES)]
+        share = OTHER_DISTANCES[(self._refused // REFUSALS_A_PLACE) % len(OTHER_DISTANCES)]
         goal = hub - normal * flight.settings.estimation.stand_off_m * share
         apart = float(np.linalg.norm(goal - flight.here_w))
         if apart < RECENTRE_M or self._moving:
@@ -146,8 +149,8 @@ class Estimate:
         """Fix the rotor, build the model, begin to plan."""
         if flight.earlier is not None:
             self._good = [renamed(one, flight.earlier) for one in self._good]
-        rotor = self._good[-1]
-        pitches = {b.name: _agreed_pitch(self._good, b.name, flight) for b in rotor.blades}
+        rotor = agreed_rotor(self._good[-flight.settings.estimation.agree_count :])
+        pitches = {b.name: _agreed_pitch(self._good, b, flight) for b in rotor.blades}
         flight.rotor = rotor
         prior = flight.observation.hub_prior
         flight.model = rotor_model(
@@ -213,13 +216,16 @@ def _wanted(flight: Flight) -> list[tuple[str, str]]:
             or books[key].photographed_m() < 0.9 * books[key].planned.planned_m]  # fmt: skip
 
 
-def _agreed_pitch(estimates: list[RotorEstimate], name: str, flight: Flight) -> float | None:
+def _agreed_pitch(
+    estimates: list[RotorEstimate], blade: BladeEstimate, flight: Flight
+) -> float | None:
     """Return the median of a blade's measured pitch; where none was, the site's own figure."""
-    found: list[BladeEstimate] = [b for e in estimates for b in e.blades if b.name == name]
+    found = [same_blade(blade, estimate) for estimate in estimates if estimate.blades]
     pitches = [b.pitch_deg for b in found if b.pitch_deg is not None]
     if pitches:
         return float(np.median(pitches))
     assumed = flight.site.blade_pitch_deg
     if assumed is not None:
-        flight.note("pitch", f"blade {name}: not measured, taken as {assumed:.0f} deg as told")
+        words = f"blade {blade.name}: not measured, taken as {assumed:.0f} deg as told"
+        flight.note("pitch", words)
     return assumed
