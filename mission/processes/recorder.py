@@ -28,6 +28,7 @@ from mission.records.photo_moment import PhotoHistory, PhotoMoment
 from mission.records.photo_record import PhotoRecord, stored_records
 from mission.records.photos import NotAJpeg, PhotoLost, PhotoSite, fetch, store
 from mission.records.recording import Recording
+from mission.records.room import Room, RoomWatch
 from mission.records.summary import close_folder
 from mission.remote.asked_site import asked_settings
 from mission.remote.messages import (
@@ -55,6 +56,7 @@ class _Open:
     folder: Path
     recording: Recording
     link: LinkLog
+    space: RoomWatch
     site: PhotoSite
     history: PhotoHistory
     settings: Settings
@@ -66,6 +68,14 @@ class _Open:
     """Photos that the camera did not give out when asked: asked for once more at the end."""
     seen_before: dict[str, int] = field(default_factory=dict)
     photo_tasks: set[asyncio.Task[None]] = field(default_factory=set)
+    event_lines_lost: int = 0
+    event_fault: str = ""
+
+    def not_recorded(self) -> tuple[str, ...]:
+        """Return what the recordings lack, in words."""
+        lines = self.event_lines_lost
+        events = (f"{EVENTS} lacks {lines} lines: {self.event_fault}",) if lines else ()
+        return (*self.space.words, *self.recording.lost(), *self.link.lost(), *events)
 
 
 class Recorder:
@@ -92,6 +102,7 @@ class Recorder:
                 folder = "" if self._open is None else str(self._open.folder)
                 ready = ReadyMessage(name="recorder", recording=folder)
                 self._bus.publish(Key.READY, ready.model_dump_json().encode())
+                self._look_at_the_disk()
                 await asyncio.sleep(READY_S)
         finally:
             listening.cancel()
@@ -110,10 +121,15 @@ class Recorder:
 
         self._writer.submit(guarded)
 
+    def _look_at_the_disk(self) -> None:
+        mission, now_s = self._open, self._clock.now_s()
+        if mission is not None:
+            self._submit(lambda: mission.space.look(now_s))
+
     def _take_link(self, data: bytes) -> None:
         """Record a datagram of the vehicle's link."""
         mission = self._open
-        if mission is not None:
+        if mission is not None and mission.space.room > Room.PHOTOS:
             utc_ns = time.time_ns()
             self._submit(lambda: mission.link.add(data, utc_ns))
 
@@ -126,20 +142,24 @@ class Recorder:
         mission = self._open
         if mission is None or sample.key.startswith(_NOT_RECORDED):
             return
-        stamp_ns, utc_ns = round(self._clock.now_s() * 1e9), time.time_ns()
-        self._submit(
-            lambda: mission.recording.add(
-                sample.key, sample.payload, stamp_ns, attachment=sample.attachment, utc_ns=utc_ns
+        if mission.space.room >= (Room.EVERYTHING if sample.key == Key.FRAME else Room.RECORDING):
+            stamp_ns, utc_ns = round(self._clock.now_s() * 1e9), time.time_ns()
+            self._submit(
+                lambda: mission.recording.add(
+                    sample.key,
+                    sample.payload,
+                    stamp_ns,
+                    attachment=sample.attachment,
+                    utc_ns=utc_ns,
+                )
             )
-        )
         try:
             mission.history.take(sample.key, sample.payload)
             mission.course.take(sample.key, sample.payload)
         except ValueError as error:  # recorded as it came; a photo's place may be told less well
             log.warning("%s cannot be read: %s", sample.key, error)
         if sample.key == Key.EVENT:
-            path = mission.folder / EVENTS
-            self._submit(lambda: _append(path, sample.payload))
+            self._submit(lambda: _append(mission, sample.payload))
         elif sample.key == Key.PHOTO:
             taken = PhotoTakenMessage.model_validate_json(sample.payload)
             task = asyncio.create_task(self._take_photo(mission, taken))
@@ -167,6 +187,7 @@ class Recorder:
             folder,
             recording,
             LinkLog(new_recording(folder, LINK)),
+            RoomWatch(folder),
             site,
             PhotoHistory(self._settings.positioning),
             settings.model_copy(update={"inspection": asked}),
@@ -234,9 +255,10 @@ class Recorder:
                 mission.folder,
                 report,
                 tuple(mission.records),
-                (*mission.lost.values(), *mission.recording.lost(), *mission.link.lost()),
+                tuple(mission.lost.values()),
                 mission.settings,
                 mission.course.course(),
+                mission.not_recorded(),
             )
         except Exception as error:  # whatever it is, those who wait are told
             log.exception("the mission folder is not complete")
@@ -267,9 +289,14 @@ def _site(settings: Settings, name: str) -> PhotoSite:
     return PhotoSite(name)
 
 
-def _append(path: Path, line: bytes) -> None:
-    with path.open("ab") as file:
-        file.write(line + b"\n")
+def _append(mission: _Open, line: bytes) -> None:
+    """Append an event; one that finds no room is counted, and the next is tried again."""
+    try:
+        with (mission.folder / EVENTS).open("ab") as file:
+            file.write(line + b"\n")
+    except OSError as error:
+        mission.event_lines_lost += 1
+        mission.event_fault = error.strerror or str(error)
 
 
 async def record(runtime: Runtime) -> None:

@@ -46,10 +46,15 @@ def close_folder(
     lost: Sequence[str],
     settings: Settings,
     course: Course | None = None,
+    not_recorded: Sequence[str] = (),
 ) -> None:
-    """Write mission.json, photos.geojson, the manifest and the report of a finished mission."""
+    """Write mission.json, photos.geojson, the manifest and the report of a finished mission.
+
+    ``lost``: a sentence for each photo that was lost; ``not_recorded``: what else is missing.
+    """
     records = sorted(records, key=lambda record: record.photo_id)
     mission = _mission(report, records, lost, settings)
+    mission["lost"] = [*lost, *not_recorded]
     mission["course"] = None if course is None else course.model_dump(mode="json")
     write_whole(folder / MISSION, json.dumps(mission, indent=1).encode())
     write_whole(folder / GEOJSON, json.dumps(_geojson(records)).encode())

@@ -3,8 +3,10 @@
 import asyncio
 import http.server
 import json
+import shutil
 import socket
 import threading
+from collections import Counter
 
 import cv2
 import numpy as np
@@ -21,7 +23,9 @@ from mission.flight.observation import FlightMode, GimbalState, RequestKind, Veh
 from mission.flight.report import MissionReport, PhaseTime
 from mission.processes.recorder import Recorder
 from mission.processes.runtime import Runtime
+from mission.records.room import Room
 from mission.remote.messages import FlightReport, Intent, PhotoTakenMessage, VehicleMessage
+from mission.replay.recorded import RecordedMission
 
 
 class HandBus:
@@ -231,3 +235,54 @@ def test_the_vehicles_link_is_recorded_beside_the_bus(tmp_path):
     assert (message.get_srcSystem(), message.get_srcComponent()) == (1, 155)
     data = (tmp_path / "link.tlog").read_bytes()
     assert [data[at : at + len(frame)] for at in range(8, len(data), 8 + len(frame))] == [frame] * 3
+
+
+async def fill_the_disk(tmp_path, monkeypatch):
+    """End a mission of which the disk had less and less room, and at last none for the events."""
+    runtime = Runtime(Settings(), MonotonicClock(), tmp_path)
+    monkeypatch.setattr("mission.processes.recorder.READY_S", 0.01)
+    free = [1 << 40]
+    usage = shutil.disk_usage("/")._replace
+    monkeypatch.setattr("mission.records.room.shutil.disk_usage", lambda _: usage(free=free[-1]))
+    folder = tmp_path / "mission"
+    folder.mkdir()
+    bus = HandBus()
+    recorder = Recorder(runtime, bus)
+    running = asyncio.create_task(recorder.run())
+    await asyncio.sleep(0)
+    start = Intent(kind=RequestKind.START, id="1", site="one", mission_dir=str(folder))
+    bus.deliver(Key.INTENT, start)
+    for free_now, room in (
+        (1 << 40, Room.EVERYTHING), (400 << 20, Room.RECORDING), (1 << 20, Room.PHOTOS),
+    ):  # fmt: skip
+        free.append(free_now)
+        await until(lambda room=room: recorder._open.space.room is room)
+        for key in (Key.FRAME, Key.STATE):
+            bus.deliver(key, b"{}")
+    (folder / "events.jsonl").mkdir()
+    bus.deliver(Key.EVENT, b'{"mission_s": 1, "name": "x", "severity": "none", "text": ""}')
+    await until(lambda: recorder._open.event_lines_lost == 1)
+    (folder / "events.jsonl").rmdir()
+    bus.deliver(Key.REPORT, the_end())
+    await until(lambda: any(key == Key.RECORDED for key, _ in bus.said))
+    running.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await running
+    return folder
+
+
+def test_what_finds_no_room_is_left_out_in_order_and_named_in_the_report(tmp_path, monkeypatch):
+    folder = asyncio.run(fill_the_disk(tmp_path, monkeypatch))
+    monkeypatch.undo()
+    counts = Counter(message.key for message in RecordedMission(folder).messages())
+    assert (counts[Key.FRAME], counts[Key.STATE]) == (1, 2)
+    mission = json.loads((folder / "mission.json").read_text())
+    assert mission["photos"]["lost"] == 0
+    page = (folder / "report.html").read_text()
+    for words in (
+        "the live picture is not in the recording",
+        "the recording ends from mission second",
+        "events.jsonl lacks 1 lines: Is a directory",
+    ):
+        assert any(words in line for line in mission["lost"])
+        assert words in page
