@@ -115,7 +115,16 @@ def _of_rank(values: Float, share: float) -> float:
 
 
 def _with_odd_blade(solver: RotorSolver, params: Float) -> Float:
-    """Return the better of the fit and those with one blade a quarter turn from the others."""
+    """Return the best of the fit and those with one blade a quarter turn from the others.
+
+    Of two blades that stand apart from what was found, one is turned at a time.
+    """
+    once = _turned(solver, params)
+    return once if once is params else _turned(solver, once)
+
+
+def _turned(solver: RotorSolver, params: Float) -> Float:
+    """Return a cheaper fit with one blade, or two, a quarter turn from the fit's common pitch."""
     _, cost, residual = solver.last(params)
     each = np.nan_to_num(blade_costs(solver, residual), nan=0.0)
     if each.max() <= POOR:

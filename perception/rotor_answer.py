@@ -29,6 +29,11 @@ MIN_RIVALRY = 0.08
 """A quite other pitch that costs hardly more a row: neither is given out."""
 MAX_MISFIT = 1.4
 """A blade that fits worse than this has some other pitch."""
+MAX_ODD_MISFIT = 1.0
+"""The same where the blades' pitches differ by a quarter turn: leading and trailing edge are then
+not told apart by the other blades."""
+QUARTER_DEG = 45.0
+"""Pitches further apart than this are taken as a quarter turn apart."""
 PITCH_SIGMA_FACTOR = 1.6
 SIGMA_PITCH_DEG = (0.0, 15.0, 30.0, 50.0, 70.0, 85.0)
 SIGMA_FACTOR = (1.65, 1.45, 1.5, 1.6, 2.15, 2.15)
@@ -143,6 +148,7 @@ def _pitch(state: FitState, b: int) -> tuple[float | None, float]:
     apart = abs(pitch - float(np.median(pitches)))
     alike = apart < MAX_SPREAD_DEG or abs(apart - 90.0) < 2 * MAX_SPREAD_DEG
     inside = PITCH_RANGE_DEG[0] < pitch < PITCH_RANGE_DEG[1]
-    known = inside and alike and sigma < MAX_PITCH_SIGMA_DEG and state.misfits[b] < MAX_MISFIT
+    most = MAX_ODD_MISFIT if np.ptp(pitches) > QUARTER_DEG else MAX_MISFIT
+    known = inside and alike and sigma < MAX_PITCH_SIGMA_DEG and state.misfits[b] < most
     known = known and state.rivalry > MIN_RIVALRY
     return (pitch if known else None), sigma

@@ -25,7 +25,10 @@ PREBEND_LATE = (0.022, 0.018)
 blades: straight ones to IEA-10-198."""
 #: Standard deviations of chord, pitch axis, thickness and twist: common to the span, and free along
 #: it. The free ones are the spread of the published blades about the generic one.
-FREE_SHAPE = ((0.12, 0.12), (0.03, 0.03), (0.08, 0.12), (math.radians(1.5), math.radians(2.0)))
+FREE_SHAPE = ((0.12, 0.12), (0.03, 0.03), (0.08, 0.12), (1.2, 1.6))
+#: Of the twist, degrees at each knot, by which its two shares above are multiplied: the five blades
+#: of `blade_section.GENERIC_TWIST_DEG` differ by half more at the root than farther out.
+TWIST_SPREAD_DEG = (1.45, 1.35, 1.1, 0.9, 0.9, 1.0, 0.9)
 KNOWN_SHAPE = ((0.02, 0.01), (0.015, 0.01), (0.02, 0.03), (math.radians(0.4), math.radians(0.3)))
 
 
@@ -73,6 +76,9 @@ def parameter_prior(published: bool, turbine: Turbine | None, length_m: float) -
             calm = np.ones(k.KNOTS)
             calm[0] = 0.15
             spread = spread * np.outer(calm, calm)
+        if first == k.TWIST and not published:
+            uneven = np.deg2rad(TWIST_SPREAD_DEG)
+            spread = spread * np.outer(uneven, uneven)
         block = slice(first, first + k.KNOTS)
         info[block, block] = np.linalg.inv(spread)
     return Prior(mean, info, 1.0 / (3.0 * PITCH_SPREAD_RAD**2))
