@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import json
 import multiprocessing
-import socket
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -28,6 +27,7 @@ from config.turbine import Site
 from drivers.bus import Bus, Key
 from drivers.bus_access import ALL_VERBS, ROLES_FILE, Role, read_roles, write_roles
 from drivers.certificates import issue, make_authority
+from drivers.free_port import free_port
 from mission.flight.command import MissionState, Phase, PhotoCommand, Progress
 from mission.remote.client import Client
 from mission.remote.desk import TOO_MANY, Desk
@@ -155,12 +155,6 @@ def _cpu_s(process: psutil.Process) -> float:
     return float(times.user + times.system)
 
 
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 @contextmanager
 def _daemon(folder: Path) -> Iterator[tuple[BusSettings, psutil.Process]]:
     make_authority(folder, "bench")
@@ -169,8 +163,8 @@ def _daemon(folder: Path) -> Iterator[tuple[BusSettings, psutil.Process]]:
     roles = {VEHICLE: Role.VEHICLE, PERSON: Role.OPERATOR}
     write_roles(folder / VEHICLE / ROLES_FILE, roles)
     settings = BusSettings(
-        listen=f"tcp/127.0.0.1:{_free_port()}",
-        remote=f"tls/127.0.0.1:{_free_port()}",
+        listen=f"tcp/127.0.0.1:{free_port()}",
+        remote=f"tls/127.0.0.1:{free_port()}",
         keys=str(folder / VEHICLE),
     )
     spawn = multiprocessing.get_context("spawn")

@@ -22,6 +22,7 @@ from config.settings import Settings
 from config.simulation import Device, Simulation, Word
 from config.turbine import Site
 from drivers.bus import BusUnreachable
+from drivers.free_port import free_port
 from mission.flight.command import TERMINAL, MissionState
 from mission.processes.runtime import CLOCK_FILE, SETTINGS_FILE
 from mission.remote.client import Client, NoReply
@@ -60,13 +61,6 @@ class Watcher:
     def take_recorded(self, message: RecordedMessage) -> None:
         """Keep the word that the mission folder is complete."""
         self.recorded = message
-
-
-def free_port(kind: int = socket.SOCK_STREAM) -> int:
-    """Return a port that nobody listens on just now."""
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def on_loopback(settings: Settings) -> Settings:

@@ -11,17 +11,12 @@ import pytest
 from config.presets import load_turbine
 from config.settings import Settings
 from drivers.clock import SharedClockWriter
+from drivers.free_port import free_port
 from drivers.simulated.link import CameraSetting, StillDone, StillRequest
 from drivers.simulated.scene import Scene
 from drivers.simulated.world import ToRenderer, World
 
 SPEED = 5.0
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as trial:
-        trial.bind(("127.0.0.1", 0))
-        return int(trial.getsockname()[1])
 
 
 @dataclass
@@ -59,11 +54,11 @@ async def fly_vehicle(tmp_path: Path) -> AsyncIterator[Callable[..., Awaitable[S
     worlds: list[World] = []
 
     async def start(*, shared_link: bool = False, exposure: str = "manual") -> SimulatedVehicle:
-        payload_url = "" if shared_link else f"udpin://127.0.0.1:{free_port()}"
+        payload_url = "" if shared_link else f"udpin://127.0.0.1:{free_port(socket.SOCK_DGRAM)}"
         settings = Settings.model_validate(
             {
                 "autopilot": {
-                    "url": f"udpin://127.0.0.1:{free_port()}",
+                    "url": f"udpin://127.0.0.1:{free_port(socket.SOCK_DGRAM)}",
                     "payload_url": payload_url,
                     "connect_timeout_s": 5.0,
                 },

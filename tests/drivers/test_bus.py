@@ -1,19 +1,16 @@
 import asyncio
-import socket
 import threading
 
 import pytest
 
 from config.links import Bus as BusSettings
 from drivers.bus import Bus, BusUnreachable, Key
+from drivers.free_port import free_port
 
 
 @pytest.fixture
 def end_point():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    return BusSettings(listen=f"tcp/127.0.0.1:{port}")
+    return BusSettings(listen=f"tcp/127.0.0.1:{free_port()}")
 
 
 async def until(condition, timeout_s=5.0):

@@ -16,16 +16,11 @@ import pytest
 
 from config.links import Bus as BusSettings
 from drivers.bus import BusUnreachable
+from drivers.free_port import free_port
 from mission.remote.client import Client, NoReply
 
 ROOT = Path(__file__).parents[2]
 COMMAND = (sys.executable, "-m", "mission.cli.main")
-
-
-def free_port(kind=socket.SOCK_STREAM):
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def wait_for(true, within_s, every_s=0.05):

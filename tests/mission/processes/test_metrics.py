@@ -3,16 +3,11 @@ import urllib.request
 
 from prometheus_client.parser import text_string_to_metric_families
 
+from drivers.free_port import free_port
 from mission.flight.command import MissionState, Phase, Progress
 from mission.processes.metrics import Figures, MetricsServer
 from mission.remote.history import History
 from mission.remote.messages import StateMessage
-
-
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def read(figures):

@@ -1,27 +1,12 @@
 import asyncio
-import socket
 
 import pytest
 
-from config.links import Bus as BusSettings
-from drivers.bus import Bus, Key
+from drivers.bus import Key
 from mission.flight.command import MissionState, Phase, Progress
 from mission.remote.async_client import AsyncClient
 from mission.remote.client import NoReply
 from mission.remote.messages import EventMessage, Reply, StartRequest, StateMessage
-
-
-@pytest.fixture
-def settings():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return BusSettings(listen=f"tcp/127.0.0.1:{probe.getsockname()[1]}")
-
-
-@pytest.fixture
-async def router(settings):
-    with Bus.open_router(settings, "heron") as bus:
-        yield bus
 
 
 def yes(ask):

@@ -1,7 +1,6 @@
 """Over real TLS: who may do what, and what the others are told."""
 
 import asyncio
-import socket
 import time
 from concurrent.futures import ThreadPoolExecutor
 
@@ -15,6 +14,7 @@ from drivers.bus import Bus, BusUnreachable, Key
 from drivers.bus_access import ALL_VERBS, ROLES_FILE, Role, read_roles, write_roles
 from drivers.bus_session import BusNotSafe
 from drivers.certificates import issue, make_authority
+from drivers.free_port import free_port
 from mission.flight.command import MissionState, Phase, Progress
 from mission.remote.client import Client, NoReply, bus_settings
 from mission.remote.desk import TOO_MANY, Desk
@@ -29,12 +29,6 @@ ROLES = {
     "ada": Role.OPERATOR,
     "pia": Role.PILOT,
 }
-
-
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 @pytest.fixture(scope="module")

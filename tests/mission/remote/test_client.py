@@ -1,28 +1,14 @@
 import asyncio
 import logging
-import socket
 import time
 
 import pytest
 
 from config.links import Bus as BusSettings
-from drivers.bus import Bus, BusUnreachable, Key
+from drivers.bus import BusUnreachable, Key
 from mission.flight.command import MissionState, Phase, Progress
 from mission.remote.client import Client, NoReply
 from mission.remote.messages import EventMessage, Reply, StartRequest, StateMessage
-
-
-@pytest.fixture
-def settings():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return BusSettings(listen=f"tcp/127.0.0.1:{probe.getsockname()[1]}")
-
-
-@pytest.fixture
-async def router(settings):
-    with Bus.open_router(settings, "heron") as bus:
-        yield bus
 
 
 @pytest.mark.parametrize("address", ["127.0.0.1:{port}", "[::1]:{port}", "127.0.0.1:99999"])

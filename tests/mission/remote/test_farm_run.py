@@ -1,7 +1,6 @@
 """A farm of twelve turbines and five vehicles that only pretend to fly."""
 
 import asyncio
-import socket
 import threading
 import time
 from collections import Counter
@@ -13,6 +12,7 @@ from config.settings import Settings
 from config.turbine import Site
 from drivers.bus import Bus, Key
 from drivers.bus_access import ALL_VERBS
+from drivers.free_port import free_port
 from mission.flight.command import MissionState, Phase, Progress
 from mission.remote import farm_run
 from mission.remote.desk import TOO_MANY, Desk
@@ -65,9 +65,7 @@ class Pretender:
 
 @pytest.fixture
 def pretenders(tmp_path):
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        end = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    end = f"tcp/127.0.0.1:{free_port()}"
     ready, closing, all_of_them = threading.Event(), threading.Event(), []
 
     async def live():

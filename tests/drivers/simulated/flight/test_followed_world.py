@@ -7,17 +7,12 @@ import pytest
 from config.presets import load_turbine
 from config.settings import Settings
 from drivers.clock import SharedClockWriter
+from drivers.free_port import free_port
 from drivers.simulated.followed_clock import FollowedClock
 from drivers.simulated.followed_world import FollowedWorld
 from drivers.simulated.link import TruthState
 from drivers.simulated.scene import Scene
 from drivers.simulated.world import World
-
-
-def free_port():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as trial:
-        trial.bind(("127.0.0.1", 0))
-        return trial.getsockname()[1]
 
 
 def scene_at(launch_w):
@@ -40,7 +35,7 @@ def settings_for(url, **simulation):
         {
             "autopilot": {
                 "url": url,
-                "payload_url": f"udpin://127.0.0.1:{free_port()}",
+                "payload_url": f"udpin://127.0.0.1:{free_port(socket.SOCK_DGRAM)}",
                 "connect_timeout_s": 3.0,
             },
             "simulation": simulation,
@@ -49,7 +44,7 @@ def settings_for(url, **simulation):
 
 
 async def test_the_turbine_stands_relative_to_the_home_of_another_simulator(tmp_path):
-    outside = f"udpin://127.0.0.1:{free_port()}"
+    outside = f"udpin://127.0.0.1:{free_port(socket.SOCK_DGRAM)}"
     mission = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     mission.bind(("127.0.0.1", 0))
     mission.setblocking(False)
@@ -94,8 +89,8 @@ async def test_the_turbine_stands_relative_to_the_home_of_another_simulator(tmp_
 
 
 async def test_a_simulator_that_does_not_answer_is_one_clear_sentence(tmp_path):
-    url = f"udpin://127.0.0.1:{free_port()}"
-    settings = settings_for(f"udpin://127.0.0.1:{free_port()}", autopilot_url=url)
+    url = f"udpin://127.0.0.1:{free_port(socket.SOCK_DGRAM)}"
+    settings = settings_for(f"udpin://127.0.0.1:{free_port(socket.SOCK_DGRAM)}", autopilot_url=url)
     quick = settings.model_copy(
         update={"autopilot": settings.autopilot.model_copy(update={"connect_timeout_s": 0.2})}
     )
@@ -109,7 +104,7 @@ async def test_a_simulator_that_does_not_answer_is_one_clear_sentence(tmp_path):
 
 
 async def test_a_relay_onto_itself_is_refused(tmp_path):
-    url = f"udpin://127.0.0.1:{free_port()}"
+    url = f"udpin://127.0.0.1:{free_port(socket.SOCK_DGRAM)}"
     clock = SharedClockWriter(tmp_path / "clock", 0.0)
     with pytest.raises(ConnectionError, match="relays between the two"):
         FollowedWorld(

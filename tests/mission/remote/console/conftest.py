@@ -1,7 +1,6 @@
 """Vehicles that tell their states and answer requests, without anything that flies."""
 
 import asyncio
-import socket
 import threading
 import time
 
@@ -12,6 +11,7 @@ from config.settings import Settings
 from config.turbine import Site
 from drivers.bus import Bus, Key
 from drivers.bus_access import ALL_VERBS
+from drivers.free_port import free_port
 from mission.flight.command import MissionState, Phase, PhotoCommand, Progress
 from mission.remote.console.board import Board
 from mission.remote.console.server import ConsoleServer
@@ -103,10 +103,7 @@ class FakeFleet:
     """Vehicles that live in a thread with a loop of their own, as daemons do elsewhere."""
 
     def __init__(self, names, folder):
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            port = probe.getsockname()[1]
-        self.settings = BusSettings(listen=f"tcp/127.0.0.1:{port}")
+        self.settings = BusSettings(listen=f"tcp/127.0.0.1:{free_port()}")
         self._names, self._folder = names, folder
         self.vehicles = {}
         self.progress = {}
