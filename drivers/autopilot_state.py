@@ -23,6 +23,8 @@ _MAIN_AUTO, _MAIN_OFFBOARD = 4, 6
 _RESET_STEP_M = 0.8
 _RESET_INTERVAL_S = 0.5
 _SAME_RESET_S = 1.0
+#: Over a longer gap between two attitudes the gyro is not integrated.
+_GYRO_GAP_S = 0.5
 
 
 class VehicleMode(StrEnum):
@@ -95,6 +97,8 @@ class VehicleReading:
     """A radio-control receiver is present and healthy."""
     intended: VehicleMode | None = None
     """What somebody last asked for, where the vehicle tells it: in a failsafe not the mode."""
+    gyro_yaw_rad: float | None = None
+    """The heading as the gyro alone carries it on from the first one; None: no rates are told."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,6 +138,8 @@ class VehicleState:
         self._boot = MinimumOffset(window_s=5.0)
         self._position: tuple[float, float, Vec3, Vec3] | None = None
         self._attitude: tuple[float, Quaternion] | None = None
+        self._gyro: tuple[float, float, float, float] | None = None
+        """Stamp, heading, the gyro's heading and its rate."""
         self._geodetic: Vec3 | None = None
         self._armed = False
         self._heartbeat_s = _NEVER
@@ -209,6 +215,7 @@ class VehicleState:
             satellites=satellites,
             rc_link=self._rc_link,
             intended=self._intended,
+            gyro_yaw_rad=None if self._gyro is None else self._gyro[2],
         )
 
     def texts(self) -> tuple[StatusText, ...]:
@@ -293,8 +300,27 @@ class VehicleState:
         length = math.hypot(*quaternion)
         if not 0.9 < length < 1.1:  # NaN compares false
             return
-        stamp_s, _ = self._boot_stamp(message)
-        self._attitude = (stamp_s, swap_attitude(quaternion))
+        stamp_s, boot_s = self._boot_stamp(message)
+        attitude = swap_attitude(quaternion)
+        self._integrate_gyro(message, boot_s, attitude)
+        self._attitude = (stamp_s, attitude)
+
+    def _integrate_gyro(self, message: Received, boot_s: float, attitude: Quaternion) -> None:
+        """Carry the heading on by the gyro's rate alone; over a gap by the heading itself."""
+        rates_b = (0.0, -message.number("pitchspeed"), -message.number("yawspeed"))
+        yaw, rate = yaw_of(attitude), _yaw_rate(attitude, rates_b)
+        if not math.isfinite(rate):
+            self._gyro = None
+            return
+        if self._gyro is None:
+            self._gyro = (boot_s, yaw, yaw, rate)
+            return
+        before_s, before_yaw, heading, before_rate = self._gyro
+        step_s = boot_s - before_s
+        turned = 0.5 * (before_rate + rate) * step_s
+        if not 0.0 <= step_s <= _GYRO_GAP_S:
+            turned = yaw - before_yaw
+        self._gyro = (boot_s, yaw, math.remainder(heading + turned, 2 * math.pi), rate)
 
     def _take_geodetic(self, message: Received) -> None:
         self._geodetic = (
@@ -359,3 +385,16 @@ class VehicleState:
             self._arrival_s(message), message.integer("severity"), message.text("text")
         )
         self._texts = (*self._texts[-49:], text)
+
+
+def _yaw_rate(attitude: Quaternion, rates_b: Vec3) -> float:
+    """Return how fast the heading changes (rad/s), of body rates FLU; NaN where they are not told.
+
+    ``attitude``: FLU to ENU.
+    """
+    w, x, y, z = attitude
+    right, up = 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+    level = right * right + up * up
+    if level < 1e-6:
+        return math.nan
+    return (rates_b[1] * right + rates_b[2] * up) / level

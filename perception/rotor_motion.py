@@ -3,9 +3,9 @@
 Points in the rotor's slab are gathered over half a second at a time into a polar picture (ring by
 angle). Two such pictures of a still rotor match best unturned, those of a turning one at the angle
 turned in between, whichever blades were seen and wherever on the chord: the same ring is compared
-with itself. The rate is the slope of that angle over the lag between pictures. Only an unbroken
-run of pictures counts: over a gap in the scans (late, lost, held up) the position has wandered, and
-what has moved meanwhile cannot be told from what has turned.
+with itself. The rate is the slope of that angle over the lag between pictures. A turn is told only
+from an unbroken run of pictures: over a gap in the scans (late, lost, held up) the position has
+wandered, and what has moved meanwhile cannot be told from what has turned.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ SCAN_GAP_S = 0.6
 PICTURE_GAP_S = 1.0
 #: Pictures of a run from which a rate is told.
 LEAST_PICTURES = 4
+RECENT_S = 5.0
 TOWER_SKIN_M = 0.7
 #: Rates below this are not told from the vehicle's own drift.
 SLOWEST_DPS = 0.4
@@ -120,13 +121,20 @@ class RotorMotionWatch:
 
     def result(self) -> RotorMotion | None:
         """Return the motion over the last seconds, None where too little was seen."""
-        recent = self._run()
-        if len(recent) < LEAST_PICTURES:
-            return None
+        run = self._run()
+        if len(run) >= LEAST_PICTURES:
+            return self._motion(run)
+        # Where a gap lies between, blades that stand as they stood are still; else who knows.
+        newest_s = self._pictures[-1][0] if self._pictures else 0.0
+        recent = [picture for picture in self._pictures if picture[0] > newest_s - RECENT_S]
+        motion = self._motion(recent) if len(recent) >= LEAST_PICTURES else None
+        return None if motion is None or motion.turning else motion
+
+    def _motion(self, pictures: list[tuple[float, Complex]]) -> RotorMotion:
         lags, turns = [], []
         guess = 0.0
-        for step in range(1, len(recent)):
-            for (t0, one), (t1, other) in zip(recent, recent[step:], strict=False):
+        for step in range(1, len(pictures)):
+            for (t0, one), (t1, other) in zip(pictures, pictures[step:], strict=False):
                 reach = MAX_TURN_DEG if step == 1 else 4.0 + 1.0 * step
                 turns.append(self._turn(one, other, guess * (t1 - t0), reach))
                 lags.append(t1 - t0)

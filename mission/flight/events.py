@@ -45,6 +45,7 @@ class Event(StrEnum):
     LINK_LOST = "link_lost"
     POSITION_STALE = "position_stale"
     POSITION_JUMP = "position_jump"
+    HEADING_WRONG = "heading_wrong"
     FRAME_RESET = "frame_reset"
     OWN_SILENCE = "own_silence"
     WIND_STRONG = "wind_strong"
@@ -89,6 +90,9 @@ POLICY: dict[Event, Policy] = {
     Event.LINK_LOST: Policy(_R.RELEASE, "the autopilot is lost: its own failsafe has it", True),
     Event.POSITION_STALE: Policy(_R.HOLD, "the autopilot's position is too old: holding"),
     Event.POSITION_JUMP: Policy(_R.HOLD, "the autopilot's position jumped: holding"),
+    Event.HEADING_WRONG: Policy(
+        _R.HOLD, "the heading does not turn as the gyro does: holding until it is right again"
+    ),
     Event.FRAME_RESET: Policy(
         _R.RELEASE, "the autopilot moved its local frame: handing over in its own hold", True
     ),

@@ -57,6 +57,8 @@ class Vehicle:
     """Counts jumps of the autopilot's local frame (estimator resets)."""
     intended: FlightMode | None = None
     """What somebody last asked for, where the autopilot tells it: in a failsafe not the mode."""
+    gyro_yaw_rad: float | None = None
+    """The heading as the gyro alone has carried it on since the start; None: not told."""
     latitude_deg: float | None = None
     longitude_deg: float | None = None
     altitude_m: float | None = None

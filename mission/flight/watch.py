@@ -22,6 +22,9 @@ JUMP_M = 1.5
 #: A slower run-off is told over this time: so far from what the velocity explains.
 RUN_OFF_S = 1.0
 RUN_OFF_M = 2.0
+#: Heading against gyro: a filter corrects its heading by so much within this time, and no more.
+HEADING_S = 5.0
+HEADING_OFF_RAD, HEADING_BACK_RAD = math.radians(5.0), math.radians(2.5)
 WIND_MEAN_S = 5.0
 CAMERA_LOST_S = 10.0
 EXPOSURE_STALE_S = 2.0
@@ -39,6 +42,9 @@ class Watch:
         self._wind: deque[tuple[float, float]] = deque()
         self._last: Vehicle | None = None
         self._astray: deque[tuple[float, float, float, float]] = deque()
+        self._headings: deque[tuple[float, float]] = deque()
+        self._heading_was: float | None = None
+        """Heading minus gyro from before the heading went wrong; None: it is right."""
         self._resets: int | None = None
         self._deaths: deque[float] = deque()
         self._alive = True
@@ -92,6 +98,11 @@ class Watch:
                 active.add(Event.POSITION_JUMP)
         if self._resets is not None and vehicle.reset_count != self._resets and flight.engaged:
             active.add(Event.FRAME_RESET)
+        if not flight.engaged:
+            self._headings.clear()
+            self._heading_was = None
+        elif self._heading_wrong(vehicle):
+            active.add(Event.HEADING_WRONG)
         self._last, self._resets = vehicle, vehicle.reset_count
         active |= self._wind_events(flight, vehicle, now)
         # Where nothing at all is heard, that is the fault, and not the battery's.
@@ -105,6 +116,24 @@ class Watch:
         while stamp_s - self._astray[0][0] > RUN_OFF_S:
             self._astray.popleft()
         return math.hypot(*(sum(part[k] for part in self._astray) for k in (1, 2, 3))) > RUN_OFF_M
+
+    def _heading_wrong(self, vehicle: Vehicle) -> bool:
+        """Return whether the heading turned, within seconds, where the gyro did not (or back)."""
+        if vehicle.gyro_yaw_rad is None:
+            return False
+        off = math.remainder(vehicle.yaw_rad - vehicle.gyro_yaw_rad, 2 * math.pi)
+        self._headings.append((vehicle.stamp_s, off))
+        while vehicle.stamp_s - self._headings[0][0] > HEADING_S:
+            self._headings.popleft()
+        was = self._heading_was
+        limit = HEADING_OFF_RAD if was is None else HEADING_BACK_RAD
+        before = self._headings[0][1] if was is None else was
+        wrong = abs(math.remainder(off - before, 2 * math.pi)) > limit
+        if was is not None and not wrong:
+            # What was wrong meanwhile says nothing of what comes.
+            self._headings.clear()
+        self._heading_was = before if wrong else None
+        return wrong
 
     def _wind_events(self, flight: Flight, vehicle: Vehicle, now: float) -> set[Event]:
         if vehicle.wind_w is None:

@@ -133,3 +133,47 @@ def test_what_was_asked_for_is_known_only_of_the_mode_it_was_told_with() -> None
     assert state._intended is VehicleMode.HOLD
     state.take(message("CURRENT_MODE", custom_mode=hold, intended_custom_mode=0))
     assert state._intended is None
+
+
+def attitude(boot_s: float, heading_deg: float, yawspeed_dps: float | None) -> Received:
+    half = math.radians(heading_deg) / 2
+    rate = None if yawspeed_dps is None else math.radians(yawspeed_dps)
+    return message(
+        "ATTITUDE_QUATERNION", 100.0 + boot_s, time_boot_ms=round(boot_s * 1e3),
+        q1=math.cos(half), q2=0, q3=0, q4=math.sin(half),
+        rollspeed=0.0, pitchspeed=0.0, yawspeed=rate,
+    )  # fmt: skip
+
+
+def gyro_against_heading_deg(state: VehicleState) -> float:
+    reading = state.reading()
+    assert reading is not None
+    assert reading.gyro_yaw_rad is not None
+    return math.degrees(math.remainder(reading.yaw_rad - reading.gyro_yaw_rad, 2 * math.pi))
+
+
+def test_the_gyros_heading_follows_a_turn_and_not_a_magnet() -> None:
+    state = known_state()
+    for k in range(40):
+        state.take(attitude(2.0 + 0.05 * k, 30.0 * 0.05 * k, 30.0))
+    turned = 30.0 * 0.05 * 39
+    assert abs(gyro_against_heading_deg(state)) < 1.0
+    for k in range(40):
+        state.take(attitude(4.0 + 0.05 * k, turned + 15.0 * k / 39, 0.0))
+    # NED headings grow clockwise, ENU ones the other way.
+    assert gyro_against_heading_deg(state) == pytest.approx(-15.0, abs=1.0)
+
+
+def test_over_a_gap_the_gyros_heading_goes_with_the_heading() -> None:
+    state = known_state()
+    state.take(attitude(2.0, 0.0, 0.0))
+    state.take(attitude(4.0, 90.0, 0.0))
+    assert gyro_against_heading_deg(state) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_without_rates_there_is_no_heading_of_the_gyro() -> None:
+    state = known_state()
+    state.take(attitude(2.0, 0.0, None))
+    reading = state.reading()
+    assert reading is not None
+    assert reading.gyro_yaw_rad is None

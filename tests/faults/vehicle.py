@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import datetime as dt
+import math
 import time
 from unittest import mock
 
@@ -183,6 +184,24 @@ def height_runs_off():
     return seen(change, "position_jump", limit_s=20.0)
 
 
+def heading_runs_off():
+    """The heading turns by 15 deg at 10 deg/s, and back after 20 s; the gyro tells of no turn."""
+
+    def change(flight, observation, t_s):
+        vehicle = observation.vehicle
+        off = min(10.0 * t_s, 15.0, max(0.0, 10.0 * (20.0 - t_s)))
+        return dataclasses.replace(
+            observation,
+            vehicle=dataclasses.replace(
+                vehicle,
+                yaw_rad=vehicle.yaw_rad + math.radians(off),
+                gyro_yaw_rad=vehicle.yaw_rad + 1.0,
+            ),
+        )
+
+    return seen(change, "heading_wrong")
+
+
 def frame_reset():
     def change(flight, observation, t_s):
         x, y, z = observation.vehicle.position_w
@@ -273,8 +292,8 @@ _GUARD = "tests/mission/flight/test_guard.py::"
 _DEADMAN = "tests/mission/processes/test_dead_man.py::"
 
 _LIMITS_27 = (
-    "a heading that is wrong by 15 deg is not noticed as such (LiDAR is not compared with the "
-    "gyro); clearance is taken from the scans of the moment all the same"
+    "the heading is compared with the gyro of the autopilot, so one that was wrong from the start "
+    "is not noticed; clearance is taken from the scans of the moment all the same"
 )
 _LIMITS_30 = (
     "once there is a model, the LiDAR's blind sectors are taken for free where the model is; "
@@ -316,7 +335,9 @@ ROWS = (
     Fault(26, "the estimator resets its local frame", frame_reset, "frame_reset", 0.1,
           "released"),
     Fault(27, "the height runs off by 20 m in 5 s", height_runs_off, "position_jump", 1.0,
-          "running released completed ended_safely", lacking=_LIMITS_27),
+          "running released completed ended_safely"),
+    Fault(27, "the heading runs off by 15 deg, and comes back after 20 s", heading_runs_off,
+          "heading_wrong", 1.0, "completed", lacking=_LIMITS_27),
     Fault(28, "the battery is at 20 %", battery_low, "battery_reserve", 0.1, "ended_safely"),
     Fault(28, "no battery telemetry for 5 s", battery_gone, "battery_unknown", 5.1,
           "ended_safely"),
