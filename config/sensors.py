@@ -64,6 +64,10 @@ class Camera(ConfigModel):
     motion-blur limit until the camera reports its own."""
     max_blur_px: Positive = 0.7
     stream_timeout_s: Positive = 2.0
+    live_rate_hz: Annotated[float, Field(ge=5, le=60)] = 15.0
+    """Of the live stream's pictures at most so many a second are looked at and recorded."""
+    live_width_px: Annotated[int, Field(ge=320)] = 1280
+    """Wider live pictures are scaled down to this."""
     component_id: Annotated[int, Field(ge=1, le=255)] = 100
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import math
 import threading
 import time
 from collections import deque
@@ -26,6 +27,8 @@ _LAST_BACK_OFF_S = 4.0
 #: Pictures that waited while the stream was examined come at once; they are not live.
 _PROBED_NS = 20_000_000
 _LONGEST_INTERVAL_S = 1.0
+#: A stream that marks no key pictures is decoded from anywhere after so long.
+_KEY_PATIENCE_S = 5.0
 _OFFSET_WINDOW_S = 20.0
 #: 16-235 of a television picture back to the full range.
 _FULL_RANGE = np.clip((np.arange(256) - 16.0) * (255 / 219) + 0.5, 0, 255).astype(np.uint8)
@@ -65,16 +68,27 @@ class VideoStream:
     ``latency_s`` is capture to decoded in wall seconds, beyond the one picture interval that the
     parser holds every picture back until the next one begins. Measured: 0.057 s at 1080p30 in
     all, hence 0.024; 0.004 at 640 x 480. ``timeout_s`` of wall time without a packet ends the
-    connection; it is opened anew with a back-off of 0.25 s doubling to 4 s.
+    connection; it is opened anew with a back-off of 0.25 s doubling to 4 s. Delivered are at most
+    ``rate_hz`` pictures a second of the sender's time, at most ``width_px`` wide.
     """
 
     def __init__(
-        self, url: str, clock: Clock, timeout_s: float = 2.0, latency_s: float = 0.02
+        self,
+        url: str,
+        clock: Clock,
+        timeout_s: float = 2.0,
+        latency_s: float = 0.02,
+        *,
+        rate_hz: float = math.inf,
+        width_px: int = 1 << 16,
     ) -> None:
         self._url = url
         self._clock = clock
         self._timeout_s = timeout_s
         self._latency_s = latency_s
+        # Pictures come a little early or late; the next one would be half a period too late.
+        self._period_s = 0.75 / rate_hz
+        self._width_px = width_px
         self._stop = threading.Event()
         self._lock = threading.Lock()
         self._newest: _Decoded | None = None
@@ -86,6 +100,14 @@ class VideoStream:
         """Pictures decoded so far, used or not."""
         self.last_error = ""
         """Why the last connection ended, or could not be opened."""
+        self.resting = False
+        """Set from any thread: key pictures are enough, the others are not decoded."""
+        self.heard_ns = 0
+        """Monotonic time at which something last came, decoded or not; 0: never."""
+
+    def rest(self, resting: bool) -> None:
+        """Set whether key pictures are enough; at first all are decoded."""
+        self.resting = resting
 
     async def run(self, on_frame: Callable[[Frame], None]) -> None:
         """Deliver frames on the event loop until cancelled."""
@@ -119,7 +141,8 @@ class VideoStream:
         if decoded is None or self._stop.is_set():
             return
         self._sequence += 1
-        on_frame(Frame(self._stamp_s(decoded), self._sequence, grey_of(decoded.picture)))
+        grey = at_most(self._width_px, grey_of(decoded.picture))
+        on_frame(Frame(self._stamp_s(decoded), self._sequence, grey))
 
     def _stamp_s(self, decoded: _Decoded) -> float:
         """Return the mission time of capture: the sender's clock where it has one.
@@ -175,14 +198,16 @@ class VideoStream:
             self._offset = MinimumOffset(_OFFSET_WINDOW_S)
             opened_ns = time.monotonic_ns()
             intervals = _Intervals()
+            kept_s = -math.inf
             for picture in self._pictures(container, stream):
                 self.decoded += 1
                 arrival_ns = time.monotonic_ns()
                 sent_s = picture.time
                 time_s = self._clock.mission_time_of(arrival_ns) if sent_s is None else sent_s
                 decoded = _Decoded(picture, arrival_ns, sent_s, intervals.least(time_s))
-                if arrival_ns < opened_ns + _PROBED_NS:
+                if arrival_ns < opened_ns + _PROBED_NS or 0 <= time_s - kept_s < self._period_s:
                     continue
+                kept_s = time_s
                 with self._lock:
                     pending = self._newest is not None
                     self._newest = decoded
@@ -192,9 +217,21 @@ class VideoStream:
     def _pictures(
         self, container: av.container.InputContainer, stream: av.VideoStream
     ) -> Iterator[av.VideoFrame]:
+        keys_only_ns: int | None = None
         for packet in container.demux(stream):
             if self._stop.is_set():
                 return
+            self.heard_ns = time.monotonic_ns()
+            if self.resting:
+                keys_only_ns = self.heard_ns
+            # What was left out is missed by all pictures up to the next key picture.
+            missed = (
+                keys_only_ns is not None and self.heard_ns - keys_only_ns < _KEY_PATIENCE_S * 1e9
+            )
+            if missed and not packet.is_keyframe:
+                continue
+            if not self.resting:
+                keys_only_ns = None
             try:
                 yield from packet.decode()
             except av.error.InvalidDataError:
@@ -212,3 +249,12 @@ def grey_of(picture: av.VideoFrame) -> Bytes:
     if picture.format.name.startswith("yuvj") or picture.color_range == _JPEG_RANGE:
         return np.array(luma)
     return np.asarray(cv2.LUT(luma, _FULL_RANGE), np.uint8)
+
+
+def at_most(width_px: int, grey: Bytes) -> Bytes:
+    """Return a picture (H, W) scaled down, mean grey kept, to at most so many pixels of width."""
+    height, width = grey.shape
+    if width <= width_px:
+        return grey
+    size = width_px, max(1, round(height * width_px / width))
+    return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), np.uint8)

@@ -113,6 +113,19 @@ class ScanAssembler:
             scan = self.finish()
         return scan
 
+    def look(self, size: int) -> bool:
+        """Take only the time of the datagram in `slot`; False where it makes no sense."""
+        header = read_header(self.slot, size)
+        if header is None or not (self._start_ns or 0) <= header.stamp_ns <= self._limit_ns:
+            return False
+        self.newest_ns = max(self.newest_ns, header.stamp_ns)
+        return True
+
+    def forget(self) -> None:
+        """Leave off collecting: packets that are not handed over from now on are not lost."""
+        self._clear()
+        self._last_number = None
+
     def finish(self) -> Scan | None:
         """Return what has been collected as a scan, complete or not; None when that is nothing."""
         headers, lost = self._headers, max(0, self.lost - self._lost_before_scan)

@@ -32,6 +32,13 @@ class Mid360Driver:
         self._clock = clock
         self._on_imu = on_imu
         self._receiver: Receiver | None = None
+        self._resting = False
+
+    def rest(self, resting: bool) -> None:
+        """Set whether two scans a second are enough, at next to no cost; at first all are read."""
+        self._resting = resting
+        if self._receiver is not None:
+            self._receiver.resting = resting
 
     @property
     def statistics(self) -> Statistics:
@@ -54,6 +61,7 @@ class Mid360Driver:
             lambda scan: on_loop(on_scan, scan),
             None if on_imu is None else lambda readings: on_loop(on_imu, readings),
         )
+        receiver.resting = self._resting
         self._receiver = receiver
         with ThreadPoolExecutor(1, thread_name_prefix="mid360") as pool:
             receiving = loop.run_in_executor(pool, receiver.run)

@@ -30,6 +30,9 @@ _NAP_S = 0.004
 #: Of a buffer too small to sleep on: it holds a hundred packets.
 _SHORT_NAP_S = 0.001
 _SMALL_BUFFER_BYTES = 1 << 20
+#: While resting one scan in so many seconds is looked at, and the packets between pass unread.
+REST_PERIOD_S = 0.5
+_REST_NAP_S = 0.03
 _IDLE_MS = 20
 _REOPEN_S = 1.0
 
@@ -79,6 +82,9 @@ class Receiver:
         self._imu_count = 0
         self._last_points_s = float("-inf")
         self._host = Statistics()
+        self.resting = False
+        """Set from any thread: two scans a second are enough, at next to no cost."""
+        self._unread_until_s = float("-inf")
         self._stopping = False
         self._wake_read, self._wake_write = socket.socketpair()
 
@@ -149,14 +155,17 @@ class Receiver:
             ready = {fd for fd, _ in poll.poll(_IDLE_MS)}
             if sockets.imu.fileno() in ready:
                 self._drain_imu(sockets.imu)
-            if points_fd in ready:
+            unread = self.resting and self._clock.now_s() < self._unread_until_s
+            if points_fd in ready and unread:
+                self._pass_over_points(sockets.points)
+            elif points_fd in ready:
                 self._drain_points(sockets.points)
             for sock in (sockets.push, sockets.command):
                 if sock.fileno() in ready:
                     self._drain_frames(sock)
             self._keep_up(sockets.command)
             if ready:
-                time.sleep(nap_s)
+                time.sleep(_REST_NAP_S if unread else nap_s)
 
     def _keep_up(self, command: socket.socket) -> None:
         """Send what is due, and close a scan that nothing follows."""
@@ -183,8 +192,22 @@ class Receiver:
                 continue
             if self._sensor_clock.offset_s is None and assembler.packets > before:
                 self._observe()
-            self._deliver(assembler.accept(size))
+            if self._deliver(assembler.accept(size)) and self.resting:
+                break  # what else waits is not looked at
         if assembler.packets > before:
+            self._observe()
+
+    def _pass_over_points(self, sock: socket.socket) -> None:
+        """Empty the socket; of the newest packet the time is taken, so that the clocks stay one."""
+        assembler, size, sender = self._assembler, 0, ""
+        assembler.forget()
+        assembler.expect(self._clock.now_s())
+        for _ in range(4096):
+            try:
+                size, (sender, _) = sock.recvfrom_into(assembler.slot)
+            except BlockingIOError:
+                break
+        if sender == self._lidar_ip and assembler.look(size):
             self._observe()
 
     def _observe(self) -> None:
@@ -194,9 +217,12 @@ class Receiver:
         self._last_points_s = now_s
         self._session.on_points(now_s)
 
-    def _deliver(self, scan: Scan | None) -> None:
-        if scan is not None:
-            self._on_scan(scan)
+    def _deliver(self, scan: Scan | None) -> bool:
+        if scan is None:
+            return False
+        self._on_scan(scan)
+        self._unread_until_s = self._clock.now_s() + REST_PERIOD_S - self._settings.scan_period_s
+        return True
 
     def _drain_imu(self, sock: socket.socket) -> None:
         samples: list[ImuSample] = []

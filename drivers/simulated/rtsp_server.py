@@ -15,6 +15,7 @@ import socket
 import struct
 import threading
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,17 @@ Picture = NDArray[np.uint8]
 _MAX_REQUEST = 8192
 _SEND_TIMEOUT = struct.pack("ll", 0, 500_000)  # timeval: 0.5 s
 _PUBLIC = "OPTIONS, DESCRIBE, SETUP, PLAY, GET_PARAMETER, TEARDOWN"
+
+
+class PictureEncoder(Protocol):
+    """What makes NAL units of pictures."""
+
+    parameter_sets: str
+    """`fmtp` fields of the session description."""
+
+    def encode(self, picture: Picture, t_s: float, *, key_frame: bool = False) -> list[bytes]:
+        """Return the NAL units of a picture."""
+        ...
 
 
 @dataclass(slots=True, eq=False)
@@ -67,12 +79,20 @@ class RtspServer:
 
     Pictures are (height, width) grey or (height, width, 3) BGR uint8. ``width`` and ``height`` are
     even. ``push`` never waits: a picture that the encoder had no time for is replaced by the next.
+    ``encoder`` stands in for libx264, for pictures that were encoded before.
     """
 
     def __init__(
-        self, port: int, width: int, height: int, fps: float, host: str = "127.0.0.1"
+        self,
+        port: int,
+        width: int,
+        height: int,
+        fps: float,
+        host: str = "127.0.0.1",
+        *,
+        encoder: PictureEncoder | None = None,
     ) -> None:
-        self._encoder = H264Encoder(width, height, fps)
+        self._encoder = encoder or H264Encoder(width, height, fps)
         self._shape = (height, width)
         self._clients: list[_Client] = []
         self._clients_lock = threading.Lock()

@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table as RichTable
 
 from mission.cli.bench_angle import angle, cell
+from mission.cli.bench_daemon import daemon
 from mission.cli.bench_exposure import exposure
 from mission.cli.bench_latency import latency
 from mission.cli.bench_missions import missions
@@ -27,6 +28,7 @@ def _bench() -> None:
 
 
 app.command("angle")(angle)
+app.command("daemon")(daemon)
 app.command("exposure")(exposure)
 app.command("latency")(latency)
 app.command("requests")(requests)

@@ -60,6 +60,8 @@ from mission.remote.messages import Intent
 log = logging.getLogger(__name__)
 
 TICK_S = 0.05
+#: Between missions, disarmed: the state is still told 5 times a second.
+REST_TICK_S = 0.2
 #: Ticks missed by more than this are left out, not made up for.
 MAX_LATE_S = 0.1
 RECONNECT_S = 2.0
@@ -138,7 +140,9 @@ class Flight:
         while True:
             if self._link is None:
                 progress = Progress(Phase.IDLE, MissionState.IDLE, self._link_words)
-                self._outputs.state(progress, None, self._inputs, self._intent, link_ok=False)
+                self._outputs.state(
+                    progress, None, self._inputs, self._intent, link_ok=False, resting=True
+                )
             await asyncio.sleep(0.2)
 
     def _refuse_unconnected(self) -> None:
@@ -154,7 +158,7 @@ class Flight:
         try:
             next_s = self._clock.now_s()
             while True:
-                next_s += TICK_S
+                next_s += REST_TICK_S if self._resting(link) else TICK_S
                 await sleep_until(self._clock, next_s)
                 now_s = self._clock.now_s()
                 late_s = now_s - next_s
@@ -164,6 +168,11 @@ class Flight:
         finally:
             # Our last word: whatever ends this process, the vehicle is asked to hold.
             await self._hold_if_flying(link)
+
+    def _resting(self, link: AutopilotLink) -> bool:
+        """Nothing flies and nothing shall."""
+        reading = link.vehicle()
+        return self._machine is None and (reading is None or not reading.armed)
 
     async def _hold_if_flying(self, link: AutopilotLink) -> None:
         reading = link.vehicle()
@@ -185,8 +194,11 @@ class Flight:
             self._announcements.tick(self._progress, observation, self._inputs)
         if machine is None:
             self._outputs.vehicle(observation)
-            if self._tick % 4 == 0:
-                self._outputs.state(self._progress, observation, self._inputs, self._intent)
+            resting = self._resting(link)
+            if self._tick % 4 == 0 or resting:
+                self._outputs.state(
+                    self._progress, observation, self._inputs, self._intent, resting=resting
+                )
             return
         command, events = machine.step(observation)
         surroundings = self._inputs.surroundings

@@ -18,6 +18,8 @@ from mission.remote.messages import PhotoTakenMessage
 HEARTBEAT_S = 1.0
 #: A scan older than this while flying means that we see nothing.
 BLIND_S = 1.0
+#: Between missions only two scans a second are looked at.
+RESTING_BLIND_S = 3.0
 _RUNNING = (MissionState.RUNNING, MissionState.PAUSED)
 _NAME = "bladescout"
 
@@ -32,11 +34,13 @@ def health_of(
     sensing = inputs.sensing
     if not inputs.ready.issuperset(WORKERS):
         return Health.BOOT
-    blind = observation.clearance is None or now_s - observation.clearance.stamp_s > BLIND_S
+    flying = progress.state in _RUNNING
+    allowed_s = BLIND_S if flying else RESTING_BLIND_S
+    blind = observation.clearance is None or now_s - observation.clearance.stamp_s > allowed_s
     seeing = sensing is not None and sensing.lidar_online and sensing.camera_online
     if not observation.sensing_alive or not seeing or blind:
         return Health.CRITICAL
-    return Health.ACTIVE if progress.state in _RUNNING else Health.STANDBY
+    return Health.ACTIVE if flying else Health.STANDBY
 
 
 class Announcements:

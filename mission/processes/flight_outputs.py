@@ -103,6 +103,7 @@ class FlightOutputs:
         intent: Intent | None,
         *,
         link_ok: bool = True,
+        resting: bool = False,
     ) -> None:
         """Publish what an operator is shown."""
         now_s = self._clock.now_s()
@@ -126,6 +127,7 @@ class FlightOutputs:
             yaw_rad=None if vehicle is None else vehicle.yaw_rad,
             loop_lag_ms=self._pace.lag_ms.worst(now_s),
             setpoint_gap_ms=self._pace.gap_ms.worst(now_s),
+            resting=resting,
         )
         self._bus.publish(Key.STATE, message.model_dump_json().encode())
 

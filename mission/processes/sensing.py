@@ -17,6 +17,7 @@ from drivers.codecs import COMPRESSED_IMAGE, POINT_CLOUD, encode_frame, encode_s
 from drivers.livox.driver import Mid360Driver
 from drivers.video import VideoStream
 from mission.processes.children import Child
+from mission.processes.rest import Rest
 from mission.processes.runtime import Runtime, run_process
 from mission.remote.messages import SensingHealth
 from perception.values import Frame, Scan
@@ -29,6 +30,10 @@ _WORKERS = (
 )
 HEALTH_PERIOD_S = 1.0
 ONLINE_WITHIN_S = 2.0
+#: After a rest pictures may be waited for so long: they begin with the next key picture.
+AWAKE_S = 6.0
+#: A stream of which nothing could be decoded for so long does not count as coming.
+KEY_WITHIN_S = 30.0
 
 
 @dataclass(slots=True)
@@ -37,6 +42,17 @@ class _Counts:
     frames: int = 0
     last_scan_s: float = float("-inf")
     last_frame_s: float = float("-inf")
+    rest: Rest | None = None
+    stream_heard_s: Callable[[], float] | None = None
+
+    def seen_s(self, now_s: float) -> float:
+        """Return when the live picture was last seen to come, decoded or, at rest, not."""
+        if self.rest is None or self.stream_heard_s is None:
+            return self.last_frame_s
+        rested = self.rest.resting or now_s - self.rest.woke_s < AWAKE_S
+        if not rested or now_s - self.last_frame_s > KEY_WITHIN_S:
+            return self.last_frame_s
+        return max(self.last_frame_s, self.stream_heard_s())
 
 
 async def sense(runtime: Runtime) -> None:
@@ -80,16 +96,25 @@ def _drivers(
             Key.FRAME, payload, encoding=COMPRESSED_IMAGE, attachment=attachment, droppable=True
         )
 
+    rest = Rest(bus, clock)
     drivers: list[tuple[str, Callable[[], Awaitable[None]]]] = []
     if settings.lidar.source == "livox":
         lidar = Mid360Driver(settings.lidar, clock)
+        rest.tell(lidar.rest)
         drivers.append(("lidar", lambda: lidar.run(on_scan)))
     else:
         bus.subscribe_newest(Key.SCAN, lambda _: _count_scan(counts, clock.now_s()))
     if settings.camera.source == "rtsp":
         stream = VideoStream(
-            settings.camera.stream_url, clock, timeout_s=settings.camera.stream_timeout_s
+            settings.camera.stream_url,
+            clock,
+            timeout_s=settings.camera.stream_timeout_s,
+            rate_hz=settings.camera.live_rate_hz,
+            width_px=settings.camera.live_width_px,
         )
+        counts.stream_heard_s = lambda: clock.mission_time_of(stream.heard_ns)
+        counts.rest = rest
+        rest.tell(stream.rest)
         drivers.append(("camera", lambda: stream.run(on_frame)))
     else:
         bus.subscribe_newest(Key.FRAME, lambda _: _count_frame(counts, clock.now_s()))
@@ -120,7 +145,7 @@ async def _report_health(runtime: Runtime, bus: Bus, counts: _Counts) -> None:
         health = SensingHealth(
             mission_s=now_s,
             lidar_online=now_s - counts.last_scan_s < ONLINE_WITHIN_S,
-            camera_online=now_s - counts.last_frame_s < ONLINE_WITHIN_S,
+            camera_online=now_s - counts.seen_s(now_s) < ONLINE_WITHIN_S,
             scans=counts.scans,
             frames=counts.frames,
             dropped=bus.dropped,

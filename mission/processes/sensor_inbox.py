@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import math
 from collections import deque
@@ -55,10 +56,9 @@ class SensorInbox:
                     self._scan = None
                     return scan
             self._news.clear()
-            try:
-                await asyncio.wait_for(self._news.wait(), 0.02)
-            except TimeoutError:
-                continue
+            with contextlib.suppress(TimeoutError):
+                # Only a scan that waits for its pose must be looked at again by itself.
+                await asyncio.wait_for(self._news.wait(), None if scan is None else 0.02)
 
     async def work(self, name: Worker, take: Callable[[Scan], None]) -> None:
         """Hand the newest scan to a worker, again and again, until cancelled; tell it is ready."""

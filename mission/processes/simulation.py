@@ -191,6 +191,11 @@ class Daemon:
                 stdout=log_file,
             )
 
+    @property
+    def pid(self) -> int:
+        """The supervisor's."""
+        return self._process.pid
+
     def client(self, settings: Settings) -> Client:
         """Connect to the daemon once it listens."""
         deadline = time.monotonic() + START_TIMEOUT_S

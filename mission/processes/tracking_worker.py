@@ -19,12 +19,14 @@ from mission.flight.observation import (
     BladeTrack,
     ClearanceState,
     ExposureState,
+    RequestKind,
     Vec3,
 )
 from mission.processes.blade_follower import BladeFollower
 from mission.processes.metering_shown import metering_shown
 from mission.processes.runtime import Runtime, run_process
 from mission.processes.sensor_inbox import SensorInbox
+from mission.remote.messages import Intent
 from perception.clearance import OccupancyMemory, RepeatedScans
 from perception.deskew import points_in_world
 from perception.exposure import ExposureControl, exposure_control
@@ -67,6 +69,7 @@ class TrackingWorker:
         settings = runtime.settings
         self._settings = settings
         self._bus = bus
+        self._clock = runtime.clock
         self._inbox = SensorInbox(bus, runtime.clock)
         ignore_m = settings.lidar.blind_range_m + settings.airframe.radius_m
         self._memory = OccupancyMemory(ignore_within_m=ignore_m)
@@ -80,7 +83,9 @@ class TrackingWorker:
         self._told_s = float("-inf")
         self._frames = FrameCheck()
         self._foot_w: Vec3 | None = None
+        self._rate_from_s = float("-inf")
         bus.subscribe_newest(Key.FRAME, self._take_frame)
+        bus.subscribe(Key.INTENT, self._take_intent)
 
     async def run(self) -> None:
         """Work through the newest scan, again and again, until cancelled."""
@@ -120,8 +125,9 @@ class TrackingWorker:
         return TURNING_REACH_M if rate > TURNING_RPS else STEADY_REACH_M
 
     def _publish_clearance(self, scan: Scan, position_w: Float, *, repeated: bool) -> None:
-        self._stamps.append(scan.stamp_s)
-        span_s = self._stamps[-1] - self._stamps[0]
+        if scan.stamp_s >= self._rate_from_s:
+            self._stamps.append(scan.stamp_s)
+        span_s = self._stamps[-1] - self._stamps[0] if self._stamps else 0.0
         rate_hz = (len(self._stamps) - 1) / span_s if span_s > 0 else 10.0
         nearest = self._memory.nearest(position_w)
         state = ClearanceState(
@@ -145,6 +151,12 @@ class TrackingWorker:
         self._foot_w = None if track is None else track.foot_w
         if track is not None:
             self._bus.publish(Key.BLADE, _BLADE.dump_json(track))
+
+    def _take_intent(self, sample: Sample) -> None:
+        """A mission begins: how seldom scans came while everything rested says nothing of it."""
+        if Intent.model_validate_json(sample.payload).kind is RequestKind.START:
+            self._rate_from_s = self._clock.now_s()
+            self._stamps.clear()
 
     # --- frames -------------------------------------------------------------------------------
 

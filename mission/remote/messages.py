@@ -195,6 +195,8 @@ class StateMessage(Message):
     """How late the latest tick of the last second came."""
     setpoint_gap_ms: float | None = None
     """Longest gap between setpoints in the last second, mission time."""
+    resting: bool = False
+    """Disarmed and no mission under way: everything may go slowly until the next start."""
 
 
 class EventMessage(Message):

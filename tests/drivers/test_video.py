@@ -105,3 +105,39 @@ async def test_no_server_is_tried_again_without_an_error() -> None:
     assert stream.last_error
     running.cancel()
     await asyncio.gather(running, return_exceptions=True)
+
+
+async def test_at_rest_key_pictures_come_and_afterwards_all_of_them(server: RtspServer) -> None:
+    stream = VideoStream(server.url, MonotonicClock())
+    stream.rest(True)
+    got: list[int] = []
+    running = asyncio.create_task(stream.run(lambda frame: got.append(frame.sequence)))
+    await push(server, {}, 90)
+    at_rest = len(got)
+    heard_ns = stream.heard_ns
+    stream.rest(False)
+    await push(server, {}, 60)
+    running.cancel()
+    await asyncio.gather(push(server, {}, 3), running, return_exceptions=True)
+    assert 1 <= at_rest <= 5  # every fortieth picture is a key picture
+    assert stream.connects == 1
+    assert len(got) - at_rest > 12
+    assert stream.heard_ns > heard_ns > 0
+
+
+async def test_no_more_pictures_are_delivered_and_none_wider_than_wanted(
+    server: RtspServer,
+) -> None:
+    stream = VideoStream(server.url, MonotonicClock(), rate_hz=5.0, width_px=160)
+    got: list[Frame] = []
+    running = asyncio.create_task(stream.run(got.append))
+    await push(server, {}, 60)
+    running.cancel()
+    await asyncio.gather(push(server, {}, 3), running, return_exceptions=True)
+    stamps_s = [frame.stamp_s for frame in got]
+    assert len(got) >= 4
+    # Pushed every 0.05 s; the first stamps wait until the least transport delay is known.
+    assert np.diff(stamps_s)[3:].min() > 0.12
+    assert got[-1].grey.shape == (120, 160)
+    expected = coded(0)[:, WIDTH // 4 + 16 :].mean()
+    assert abs(got[-1].grey[:, WIDTH // 8 + 8 :].mean() - expected) < 3.0

@@ -246,3 +246,40 @@ def test_a_sensor_is_found_by_discovery(loopback, tmp_path):
         assert (found.serial, found.lidar_ip) == ("47MDFOUND", "127.0.0.1")
         assert found.command_port == loopback.lidar_command_port
         assert discover("127.0.0.1", "47MDOTHER", wait_s=0.1, target=target) is None
+
+
+async def test_at_rest_two_scans_a_second_come_and_none_of_the_packets_between_is_lost(
+    loopback, tmp_path
+):
+    async with flying(loopback, tmp_path) as world:
+        await world.scans_after(2)
+        world.driver.rest(True)
+        await world.scans_after(2)
+        read, sent = world.driver.statistics.packets, world.twin.sent
+        count = len(world.scans)
+        scans = await world.scans_after(5)
+        arrivals_s = np.add(world.ages_s, [scan.stamp_s for scan in world.scans])
+        assert np.diff(arrivals_s[count:]).mean() > 0.35
+        assert all(scan.lost_packets == 0 for scan in scans)
+        # Most of the packets were not even looked at.
+        assert world.driver.statistics.packets - read < 0.6 * (world.twin.sent - sent)
+        assert world.driver.statistics.link is Link.STREAMING
+
+
+async def test_after_a_rest_every_scan_comes_again(loopback, tmp_path):
+    async with flying(loopback, tmp_path) as world:
+        world.driver.rest(True)
+        await world.scans_after(3)
+        world.driver.rest(False)
+        await world.scans_after(2)
+        scans = await world.scans_after(10)
+        assert scans[-1].stamp_s - scans[0].stamp_s == pytest.approx(0.9, abs=0.05)
+
+
+async def test_a_sensor_that_reboots_during_a_rest_is_followed(loopback, tmp_path):
+    async with flying(loopback, tmp_path) as world:
+        world.driver.rest(True)
+        await world.scans_after(2)
+        world.twin._firmware.boots += 1  # as above
+        await world.scans_after(3)
+        assert abs(world.clock.now_s() - world.scans[-1].stamp_s) < 1.5

@@ -1,0 +1,174 @@
+"""What the daemon costs with every sensor at full rate, idle and in flight, and how soon it is up.
+
+The simulated devices run beside it at real time: MAVLink, the MID-360's packets at 200 k points a
+second, and a live stream of 1080p30 that was encoded beforehand. Only the daemon's own processes
+are counted.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import psutil
+
+from benchmarks.daemon_usage import Shares, Usage, memory_mb
+from benchmarks.replayed_stream import ReplayedStream
+from config.settings import Settings
+from config.simulation import Simulation
+from config.sources import load_settings, scenario_path
+from drivers.bus import Bus, Key
+from mission.flight.command import TERMINAL, Phase
+from mission.processes.runtime import CLOCK_FILE
+from mission.processes.simulation import Daemon, Field, on_loopback
+from mission.remote.client import Client, NoReply
+from mission.remote.messages import ReadyMessage, StateMessage
+
+_READY = frozenset({"tracking", "estimation", "recorder"})
+_SETTLE_S = 5.0
+_START_S = 120.0
+_FLIGHT_S = 900.0
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """What one stage cost."""
+
+    name: str
+    shares: Shares
+    memory_mb: dict[str, float]
+    goal_percent: float | None
+    goal_mb: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """Everything found."""
+
+    ready_s: float
+    """Wall seconds from the command to a daemon that takes a mission."""
+    ready_cpu_s: float
+    """CPU seconds of all processes until then."""
+    stages: tuple[Stage, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Rig:
+    """A daemon with simulated devices, and a client."""
+
+    daemon: Daemon
+    client: Client
+    bus: Bus
+    settings: Settings
+    begun_s: float
+
+    @property
+    def root(self) -> psutil.Process:
+        """The supervisor."""
+        return psutil.Process(self.daemon.pid)
+
+
+@contextmanager
+def rig(seed: int) -> Iterator[Rig]:
+    """Bring up field, stream and daemon."""
+    overrides = [f"simulation.seed={seed}", "simulation.speed=1", "simulation.sensors=wire"]
+    settings = on_loopback(load_settings([scenario_path("demo")], overrides=overrides))
+    with tempfile.TemporaryDirectory() as folder, ReplayedStream(seed) as stream:
+        world_dir, serve_dir = Path(folder) / "field", Path(folder) / "serve"
+        world_dir.mkdir()
+        serve_dir.mkdir()
+        world = Field(settings, world_dir)
+        try:
+            site = world.wait_ready()
+            told = settings.model_copy(
+                update={
+                    "sites": (site,),
+                    "simulation": Simulation(),
+                    "missions_dir": str(Path(folder) / "missions"),
+                    "camera": settings.camera.model_copy(update={"stream_url": stream.url}),
+                }
+            )
+            begun_s = time.monotonic()
+            daemon = Daemon(told, serve_dir, world_dir / CLOCK_FILE)
+            try:
+                with daemon.client(told) as client, Bus.open_client(told.bus, told.vehicle) as bus:
+                    yield Rig(daemon, client, bus, told, begun_s)
+            finally:
+                daemon.close()
+        finally:
+            world.close()
+
+
+def measure(seed: int, seconds: float, *, fly: bool) -> Measured:
+    """Measure a daemon that is idle and, where asked for, one that flies."""
+    with rig(seed) as up:
+        ready_s = _until_ready(up)
+        ready_cpu_s = sum(Usage.now(up.root).cpu_s.values())
+        time.sleep(_SETTLE_S)
+        stages = [_stage(up, "idle", seconds, 5.0)]
+        if fly:
+            stages += _flight(up, seconds)
+    return Measured(ready_s, ready_cpu_s, tuple(stages))
+
+
+def _until_ready(up: Rig) -> float:
+    """Return how long the daemon took until it would take a mission."""
+    heard: set[str] = set()
+
+    def take(raw: bytes) -> None:
+        heard.add(ReadyMessage.model_validate_json(raw).name)
+
+    end = up.bus.follow(Key.READY, lambda sample: take(sample.payload))
+    try:
+        while time.monotonic() < up.begun_s + _START_S:
+            up.daemon.check()
+            if heard >= _READY and _linked(up.client):
+                return time.monotonic() - up.begun_s
+            time.sleep(0.02)
+    finally:
+        end()
+    raise RuntimeError(f"the daemon was not ready; heard of {sorted(heard)}")
+
+
+def _linked(client: Client) -> bool:
+    try:
+        state = client.status().state
+    except NoReply:
+        return False
+    return state is not None and state.link_ok
+
+
+def _stage(up: Rig, name: str, seconds: float, goal: float, goal_mb: float | None = None) -> Stage:
+    before = Usage.now(up.root)
+    time.sleep(seconds)
+    return Stage(name, Usage.now(up.root).since(before), memory_mb(up.root), goal, goal_mb)
+
+
+def _flight(up: Rig, seconds: float) -> Iterator[Stage]:
+    """Start a mission; yield what the way up to the rotor costs, and then flying along blades."""
+    newest: list[StateMessage] = []
+    up.client.watch(lambda state: newest.__setitem__(slice(None), [state]))
+    (site,) = up.settings.sites
+    reply = up.client.start(site.name, operator="bench", rotor_locked=True)
+    if not reply.ok:
+        raise RuntimeError(reply.text)
+    for phase, name in ((Phase.ASCEND, "ascent"), (Phase.TRACK, "along a blade")):
+        _await_phase(up, newest, phase)
+        yield _stage(up, name, seconds, 120.0, 1200.0)
+
+
+def _await_phase(up: Rig, newest: list[StateMessage], phase: Phase) -> None:
+    deadline_s = time.monotonic() + _FLIGHT_S
+    while time.monotonic() < deadline_s:
+        up.daemon.check()
+        progress = newest[-1].progress if newest else None
+        if progress is not None and progress.phase is phase:
+            return
+        if progress is not None and progress.state in TERMINAL:
+            raise RuntimeError(f"the mission ended before: {progress.words}")
+        time.sleep(0.1)
+    raise RuntimeError(f"the mission did not come to {phase}")

@@ -1,0 +1,87 @@
+"""`bladescout bench daemon`: what the daemon costs, idle and in flight."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import asdict
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+if TYPE_CHECKING:
+    from benchmarks.daemon import Measured
+
+
+def daemon(
+    seconds: Annotated[float, typer.Option(min=2, help="Of each stage.")] = 20.0,
+    seed: Annotated[int, typer.Option(help="Draws turbine, weather and launch.")] = 1,
+    fly: Annotated[bool, typer.Option(help="Start a mission too (minutes).")] = True,
+    threads: Annotated[bool, typer.Option(help="Show the threads that cost most.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Measure the daemon's own processes with every sensor at full rate, in real time."""
+    from benchmarks.daemon import measure
+    from benchmarks.latency import machine
+
+    here = machine()
+    with Console(stderr=True).status("measuring"):
+        found = measure(seed, seconds, fly=fly)
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    if as_json:
+        answer = {
+            "schema": "bladescout/bench-daemon/1",
+            "date": now,
+            "seed": seed,
+            "machine": asdict(here),
+            "ready_s": found.ready_s,
+            "ready_cpu_s": found.ready_cpu_s,
+            "stages": [
+                {
+                    "name": stage.name,
+                    "seconds": stage.shares.wall_s,
+                    "percent_of_a_core": stage.shares.by_process(),
+                    "memory_mb": stage.memory_mb,
+                }
+                for stage in found.stages
+            ],
+        }
+        sys.stdout.write(json.dumps(answer) + "\n")
+        return
+    out = Console(highlight=False, width=None if sys.stdout.isatty() else 100)
+    out.print(_table(found, f"The daemon, {seconds:g} s a stage, seed {seed}, {now}"))
+    out.print(
+        f"ready after {found.ready_s:.1f} s (goal 5 s), {found.ready_cpu_s:.1f} s of CPU time; "
+        f"{here.cpu}; load {here.load_1_min:.1f} (1 min) before",
+        soft_wrap=True,
+    )
+    if threads:
+        for stage in found.stages:
+            for process, thread, share in stage.shares.by_thread(0.2):
+                out.print(f"{stage.name:15} {process:12} {thread:16} {share:6.2f} %")
+
+
+def _table(found: Measured, title: str) -> Table:
+    grid = Table(title=title, title_justify="left")
+    grid.add_column("")
+    for stage in found.stages:
+        grid.add_column(f"{stage.name}: % of a core", justify="right")
+        grid.add_column("MB", justify="right")
+    shares = [stage.shares.by_process() for stage in found.stages]
+    for name in sorted(shares[-1], key=lambda key: -shares[-1][key]):
+        cells = []
+        for stage, share in zip(found.stages, shares, strict=True):
+            cells += [f"{share.get(name, 0.0):.1f}", f"{stage.memory_mb.get(name, 0.0):.0f}"]
+        grid.add_row(name, *cells)
+    sums, goals = [], []
+    for stage in found.stages:
+        sums += [f"{stage.shares.total:.1f}", f"{sum(stage.memory_mb.values()):.0f}"]
+        goals += [
+            "" if goal is None else f"{goal:g}" for goal in (stage.goal_percent, stage.goal_mb)
+        ]
+    grid.add_row("together", *sums, style="bold")
+    grid.add_row("goal", *goals)
+    return grid
