@@ -18,7 +18,7 @@ from benchmarks.blade_family import Planform, TowerShape, blade_mesh, draw_planf
 from config.turbine import Turbine
 from drivers.open3d_runtime import load_open3d
 from perception.geometry import lidar_in_body, rotation_from_euler
-from perception.rotor import angle_of, direction_at
+from perception.rotor import direction_at
 from perception.values import Float
 
 RATE_HZ = 200_000
@@ -396,10 +396,3 @@ def _mix_edges(
         np.isfinite(gap) & (np.abs(gap) > 0.3) & (np.abs(gap) < 3.0) & (rng.random(len(t)) < 0.4)
     )
     return np.where(mixed, ranges + rng.random(len(t)) * np.where(mixed, gap, 0.0), ranges)
-
-
-def blade_direction_truth(scene: AngleScene, k: int) -> Float:
-    """Return the (3,) in-plane direction of blade k in the points' frame (for pictures)."""
-    base = direction_at(math.radians(scene.stop_angle_deg + 120 * k), scene.normal_w, scene.down_w)
-    assert abs(angle_of(base, scene.normal_w, scene.down_w)) <= math.pi
-    return base

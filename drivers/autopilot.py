@@ -24,7 +24,7 @@ from typing import Self
 from config.links import Autopilot
 from drivers.autopilot_errors import AutopilotError, BadSetpoint, Refused
 from drivers.autopilot_parameters import Parameters
-from drivers.autopilot_state import StatusText, VehicleMode, VehicleReading, VehicleState
+from drivers.autopilot_state import VehicleMode, VehicleReading, VehicleState
 from drivers.autopilot_wire import Wire
 from drivers.clock import Clock
 from drivers.frames import Vec3, swap_enu_ned, swap_yaw
@@ -46,7 +46,6 @@ _MODES: dict[str, tuple[float, ...]] = {
 
 #: Wall seconds without a heartbeat (1 Hz by the protocol) after which the link counts as lost.
 _SILENT_S = 3.5
-_WARNING = 4
 #: The autopilot's reason follows its refusal.
 _REASON_S = 0.1
 _HEARTBEAT = 0
@@ -110,10 +109,6 @@ class AutopilotLink:
     def vehicle(self) -> VehicleReading | None:
         """Return the newest of everything that the vehicle reported."""
         return self._state.reading()
-
-    def status_texts(self) -> tuple[StatusText, ...]:
-        """Return the autopilot's newest sentences, oldest first (at most 50)."""
-        return self._state.texts()
 
     def send_setpoint(self, position_w: Vec3, velocity_w: Vec3, yaw_rad: float) -> None:
         """Send position, velocity fed forward and yaw (ENU) now, on this thread.

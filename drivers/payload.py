@@ -107,11 +107,6 @@ class Payload:
         return silent_s <= _CAMERA_SILENT_S * max(1.0, self._clock.factor())
 
     @property
-    def gimbal_ready(self) -> bool:
-        """A gimbal manager was found and can be commanded."""
-        return self._gimbal.ready
-
-    @property
     def exposure_known(self) -> bool:
         """The camera was asked what exposure control it has; then an EV of None means none."""
         return self._exposure.known

@@ -74,11 +74,6 @@ def heading_from_enu_yaw(yaw_rad: float) -> float:
     return (90.0 - math.degrees(yaw_rad)) % 360.0
 
 
-def enu_yaw_from_heading(heading_deg: float) -> float:
-    """Return the ENU yaw (radians, (-pi, pi]) of a compass heading."""
-    return wrap_angle(math.radians(90.0 - heading_deg))
-
-
 def wrap_angle(angle_rad: float) -> float:
     """Return the angle in (-pi, pi]."""
     wrapped = math.remainder(angle_rad, 2 * math.pi)

@@ -5,7 +5,6 @@ World from body, metres, z up; the body is forward, left, up.
 
 from __future__ import annotations
 
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -71,8 +70,3 @@ def _poses(path: Path, table: Float) -> tuple[Pose, ...]:
         Pose(float(t), place, np.roll(q, 1) / np.linalg.norm(q), speed)
         for t, place, q, speed in zip(times, places, table[:, 4:], speeds, strict=True)
     )
-
-
-def largest_gap_s(poses: tuple[Pose, ...]) -> float:
-    """Return the longest time between neighbouring poses; 0 for a single one."""
-    return max((b.stamp_s - a.stamp_s for a, b in pairwise(poses)), default=0.0)

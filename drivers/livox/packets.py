@@ -21,7 +21,6 @@ from perception.values import Bytes, Float32
 
 HEADER_BYTES = 36
 POINTS_PER_PACKET = 96
-MAX_PACKET_BYTES = 1380
 #: version, length, interval, points, number, frame, data type, time type, crc, time stamp
 HEADER = struct.Struct("<BHHHHBBB12xIQ")
 _CRC_FROM = 28

@@ -14,7 +14,7 @@ from drivers.simulated.battery import Pack
 from drivers.simulated.guidance import Guidance
 from drivers.simulated.mavlink_streams import Telemetry
 from drivers.simulated.ned import Home, product, quaternion_of_euler, rates_b
-from drivers.simulated.position_control import Estimate, PositionController, Target
+from drivers.simulated.position_control import Estimate, PositionController
 from drivers.simulated.position_error import PROFILES, EstimatorError
 from drivers.simulated.px4_modes import Commander, Health, Mode
 from drivers.simulated.px4_parameters import Parameters, parameters_for
@@ -59,7 +59,6 @@ class Aircraft:
         self.rates_b: Vec3 = (0.0, 0.0, 0.0)
         self.battery_ok = True
         self.took_off = False
-        self._idle = Target(idle=True)
         self._wind_w: Vec3 = (0.0, 0.0, 0.0)
         self._estimate = self._believe()
         self._report(0.0)

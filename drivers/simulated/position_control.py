@@ -15,8 +15,6 @@ from drivers.simulated.vehicle import GRAVITY_MPS2, AttitudeCommand, Vec3
 _NAN3 = (math.nan, math.nan, math.nan)
 #: First-order filter on the measured acceleration (MPC_VELD_LP 5 Hz).
 _DERIVATIVE_S = 1 / (2 * math.pi * 5.0)
-#: PX4 limits the integral of the vertical axis to one gravity.
-_MAX_LEAN_GROUND = 0.1
 _YAW_P = 2.8
 
 

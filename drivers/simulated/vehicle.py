@@ -29,8 +29,6 @@ class Body:
     tilt_damping: float = 0.85
     thrust_lag_s: float = 0.06
     yaw_lag_s: float = 0.15
-    max_thrust_mps2: float = 2.0 * GRAVITY_MPS2
-    min_thrust_mps2: float = 0.12 * GRAVITY_MPS2
 
 
 @dataclass(frozen=True, slots=True)
