@@ -52,6 +52,8 @@ from perception.values import CameraPose
 log = logging.getLogger(__name__)
 
 SCAN_S = 0.1
+#: A camera has stored a photo so soon; the world waits for one that takes much longer to draw.
+_STILL_S = 0.6
 _WORD: TypeAdapter[Word] = TypeAdapter(Word)
 _NICE = 10
 _IDLE_S = 0.004
@@ -89,6 +91,7 @@ class Renderer:
         self._stills = StillCamera(picture, sky, self._control, settings, folder)
         self._requests: deque[StillRequest] = deque()
         self._drawing: Iterator[StillDone | None] | None = None
+        self._drawn_s = math.nan
         self._late: deque[StillDone] = deque()
         self._next_scan_s = self._next_frame_s = math.nan
         self.min_clearance_m = math.inf
@@ -168,10 +171,16 @@ class Renderer:
         return RenderProgress(self._told_s, clearance)
 
     def _done_s(self) -> float:
-        """Return until when scans are out: they are when the sensor has sent their packets."""
+        """Return until when all is out: scans when their packets left, stills soon after theirs."""
         unsent_s = self._scans.unsent_since_s()
-        end_s = self._next_scan_s
-        return end_s if unsent_s is None else min(end_s, unsent_s + SCAN_S)
+        ends = [self._next_scan_s]
+        if unsent_s is not None:
+            ends.append(unsent_s + SCAN_S)
+        if self._requests:
+            ends.append(self._requests[0].t_s + _STILL_S)
+        if self._drawing is not None:
+            ends.append(self._drawn_s + _STILL_S)
+        return min(ends)
 
     def _sent_meanwhile(self) -> list[RenderProgress | StillDone] | None:
         """Tell a waiting world that the packets it waited for have left."""
@@ -184,6 +193,7 @@ class Renderer:
     def _draw_still(self) -> list[RenderProgress | StillDone]:
         if self._drawing is None:
             request = self._requests.popleft()
+            self._drawn_s = request.t_s
             states = self._history.between(request.t_s - 0.05, request.t_s + 0.05)
             state = states[len(states) // 2] if states else self._history.newest()
             self._drawing = self._stills.take(request, self._pose(request.t_s), state)

@@ -11,6 +11,7 @@ from mission.flight.flight import Flight
 from mission.flight.footprint import SKIN_NEARER_M
 from mission.flight.ledger import Photo, PhotoStatus
 from mission.flight.motion import Motion, sight_w
+from mission.flight.observation import ExposureState
 from mission.flight.passes import Leg
 from mission.flight.skin import Look
 from perception.geometry import rotation_from_quaternion
@@ -33,6 +34,8 @@ LAG_S = 0.07
 OPENS_AFTER_S, OPENS_BEFORE_S = 0.03, 0.12
 #: A blade not seen for longer is held by the fitted rotor, and the photo says so.
 SEEN_S = 1.0
+#: Metering older than this says nothing of the light now.
+METERED_S = 0.5
 #: A photo is taken again at once at most so often; then it is a gap.
 AT_ONCE = 2
 
@@ -49,6 +52,8 @@ class Shooter:
         self._taken_s = -math.inf
         self._asked: list[Photo] = []
         self._again: dict[float, int] = {}
+        self._right_since_s: float | None = None
+        """Stamp of the first of the frames in a row that show the blade in range."""
 
     @property
     def left(self) -> tuple[float, ...]:
@@ -75,6 +80,7 @@ class Shooter:
         """
         self._look(flight, distance_m, shift_w)
         self._settle(flight, metre)
+        self._follow(flight.observation.exposure)
         if not self._left:
             return None, 1.0
         past = (metre - self._left[0]) * self._sign
@@ -84,7 +90,7 @@ class Shooter:
         if self._waiting_s is None:
             self._waiting_s = now
         slow = SLOW if past < STAND_M else 0.0
-        if now - self._taken_s < flight.settings.camera.min_interval_s:
+        if now - self._taken_s < flight.settings.camera.min_interval_s or self._storing():
             return None, slow
         marks = self._doubts(flight, distance_m, aim, now - self._waiting_s)
         if marks is None:
@@ -108,6 +114,10 @@ class Shooter:
             1.0,
         )
 
+    def _storing(self) -> bool:
+        """Return whether the camera has not told of the last photo: the next would be late."""
+        return any(photo.status is PhotoStatus.ASKED for photo in self._asked)
+
     def _doubts(
         self, flight: Flight, distance_m: float, aim: GimbalAim, waited_s: float
     ) -> tuple[str, ...] | None:
@@ -125,17 +135,36 @@ class Shooter:
                 return None
             if blur_px > most_px:
                 marks.append("blur")
-        exposure = observation.exposure
-        fresh = exposure is not None and flight.now_s - exposure.stamp_s < 1.0
-        if exposure is None or not fresh or not exposure.in_range:
-            if waited_s < settings.exposure.max_wait_s:
+        exposed = self._exposed(observation.exposure, flight.now_s)
+        if exposed is not None:
+            if exposed != "limit" and waited_s < settings.exposure.max_wait_s:
                 return None
-            marks.append("exposure")
+            marks.append(exposed)
         track = observation.blade
         seen = track is not None and flight.now_s - track.stamp_s < SEEN_S
         if track is None or track.from_model or not seen:
             marks.append("from_model")
         return tuple(marks)
+
+    def _follow(self, exposure: ExposureState | None) -> None:
+        """Note since which frame the blade is in range without a break."""
+        if exposure is None or not exposure.in_range:
+            self._right_since_s = None
+        elif self._right_since_s is None:
+            self._right_since_s = exposure.stamp_s
+
+    def _exposed(self, exposure: ExposureState | None, now_s: float) -> str | None:
+        """Return None where the blade is exposed right, else what is to be marked.
+
+        Two frames in a row must say so: a single one may have been metered beside the blade, or
+        just before the light changed. ``limit``: the camera has no exposure that would do.
+        """
+        if exposure is None or now_s - exposure.stamp_s > METERED_S:
+            return "exposure"
+        if not exposure.in_range:
+            return "limit" if exposure.at_limit else "exposure"
+        since = self._right_since_s
+        return "exposure" if since is None or exposure.stamp_s <= since else None
 
     def _look(self, flight: Flight, distance_m: float, shift_w: Float) -> None:
         """Note of the photo under way from where it is taken, and how the camera moves."""

@@ -367,6 +367,32 @@ def test_a_failed_photo_is_taken_again(base):
     assert side.photographed_m > 0.95 * side.planned_m
 
 
+def test_the_next_photo_is_not_asked_for_while_the_camera_is_storing_the_last(base):
+    kept, _ = base
+    flight = copy.deepcopy(kept[Phase.TRACK])
+    stored, newest, told_s = 0, 0, 0.0
+    early = []
+
+    def hook(flight, observation):
+        nonlocal stored, newest, told_s
+        camera = observation.camera
+        if camera is None:
+            return observation
+        if camera.last_photo_id > newest:
+            newest, told_s = camera.last_photo_id, observation.now_s + 2.0
+            early.append(newest - stored > 1)
+        if observation.now_s >= told_s:
+            stored = newest
+        return dataclasses.replace(
+            observation, camera=dataclasses.replace(camera, last_photo_id=stored)
+        )
+
+    flight.hook = hook
+    flown = flight.run(400.0)
+    assert len(early) == len(flown.photos) > 5
+    assert not any(early)
+
+
 def test_a_photo_that_failed_twice_is_flown_again_before_the_next_blade():
     flight = mission(blades=("A", "B"))
     failing, lost = {2, 3}, set()

@@ -136,6 +136,20 @@ def test_scans_go_between_the_bands_of_a_photo(bench: Bench) -> None:
     assert done[0].ok
 
 
+def test_the_world_waits_for_a_photo_that_takes_long_to_draw(bench: Bench) -> None:
+    bench.fly(0.2)
+    bench.work()
+    bench.renderer.take(StillRequest(0.2, 0))
+    bench.renderer.step()  # its first band
+    bench.fly(1.9)
+    steps = [bench.renderer.step() for _ in range(15)]  # scans come first
+    told = [one for step in steps for one in step or [] if isinstance(one, RenderProgress)]
+    assert len(told) == 15
+    assert max(one.t_s for one in told) == pytest.approx(0.8)
+    last = [answer for answer in bench.work() if isinstance(answer, RenderProgress)][-1]
+    assert last.t_s == pytest.approx(1.9, abs=0.11)
+
+
 def test_a_photo_waits_until_the_world_has_come_to_its_time(bench: Bench) -> None:
     bench.fly(0.2)
     bench.renderer.take(StillRequest(0.5, 3))
