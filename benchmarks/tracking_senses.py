@@ -27,7 +27,7 @@ from mission.flight.observation import (
     RotorEstimate,
     Vec3,
 )
-from mission.processes.blade_follower import BladeFollower
+from mission.processes.blade_follower import BladeFollower, followed, kept_s
 from perception.clearance import OccupancyMemory
 from perception.geometry import rotation_from_euler, rotation_from_quaternion
 from perception.values import Float
@@ -38,7 +38,7 @@ HUB_SIGMA_M = 0.08
 NORMAL_SIGMA_DEG = 0.25
 PITCH_SIGMA_DEG = 1.0
 _JITTER = 0.25
-_AROUND_M, _AROUND_POINTS, _KEPT_S, _REACH_M = 30.0, 1500, 120.0, 45.0
+_AROUND_M, _AROUND_POINTS, _REACH_M = 30.0, 1500, 45.0
 _SEEN_M = 65.0
 _STATIONS = 120
 
@@ -153,7 +153,11 @@ class Senses:
         )
         if self._scans % 2:
             return
-        around = self._memory.around(here, _AROUND_M, _AROUND_POINTS, not_before_s=now_s - _KEPT_S)
+        around = self._memory.around(
+            here, _AROUND_M, _AROUND_POINTS,
+            not_before_s=now_s - kept_s(self._trial.settings.positioning),
+            followed=followed(self._task, now_s),
+        )  # fmt: skip
         self.surroundings = Surroundings(around.astype(np.float64), now_s)
 
     def _local(self, place_w: Float) -> Float:

@@ -97,7 +97,13 @@ def draw_trial(seed: int, number: int, settings: Settings | None = None) -> Tria
     )
     site = Site(name="bench", turbine=model, scale=scale)
     chosen = base.model_copy(
-        update={"sites": (site,), "simulation": simulation, "inspection": Inspection()}
+        update={
+            "sites": (site,),
+            "simulation": simulation,
+            "inspection": Inspection(),
+            # As `bladescout simulate` tells the flight which receiver the vehicle has.
+            "positioning": base.positioning.model_copy(update={"method": profile}),
+        }
     )
     scene = draw_scene(chosen)
     straight = max(scene.turbine.blade.prebend_m) < 0.5

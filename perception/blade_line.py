@@ -24,6 +24,21 @@ REACH_M = 6.0
 FIT_POINTS = 1500
 HYPOTHESES = 48
 MIN_POINTS = 12
+#: The edge of a blade seen edge-on is taken from so much of its length each way, and has so many of
+#: the points before it.
+EDGE_REACH_M, EDGE_SHARE = 3.0, 0.1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SectionDepth:
+    """How far behind the near skin the axis lies, along a blade."""
+
+    metre_m: Float
+    """(S,) rising, along the axis from the root."""
+    depth_m: Float
+    """(S,)"""
+    edge: bool
+    """The blade is seen edge-on: the nearest of what is seen is its edge."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,6 +77,7 @@ def fit_blade_line(
     half_width_m: float,
     *,
     half_thickness_m: float = 0.0,
+    depth: SectionDepth | None = None,
     inlier_m: float = 0.35,
 ) -> BladeLine | None:
     """Return the line of the blade beside the vehicle, None where too little of it is seen.
@@ -69,7 +85,8 @@ def fit_blade_line(
     ``points_w``: (N, 3) world metres of the last scans; ``origin_w``: (3,) the vehicle p_d;
     ``root_w``, ``tip_w``: (3,) ends of the modelled axis; ``half_width_m``: how far from the
     model points are taken for the blade's (half a chord plus the model's error);
-    ``half_thickness_m``: of the section as seen from here, from the near skin to the axis.
+    ``half_thickness_m``: of the section as seen from here, from the near skin to the axis;
+    ``depth``: the same along the blade, in its place.
     """
     axis = tip_w - root_w
     length = float(np.linalg.norm(axis))
@@ -91,10 +108,17 @@ def fit_blade_line(
     )  # fmt: skip
     if len(local) < MIN_POINTS:
         return None
+    if depth is not None:
+        half_thickness_m = float(np.interp(beside, depth.metre_m, depth.depth_m))
+        # A blade tapers: each point is brought to the depth that the section at the foot has.
+        there = np.interp(local[:, 0], depth.metre_m, depth.depth_m)
+        local = np.stack([local[:, 0], local[:, 1], local[:, 2] + there - half_thickness_m], axis=1)
     line = _line(local, beside, inlier_m)
     if line is None:
         return None
     slope, at_foot, residual_m = line
+    if depth is not None and depth.edge:
+        at_foot = np.array([at_foot[0], _near_skin(local, beside, slope, at_foot, inlier_m)])
     lateral, width = _middle(local, beside, slope[0])
     if lateral is not None:
         at_foot = np.array([lateral, at_foot[1]])
@@ -225,6 +249,15 @@ def _ransac(
         start[1] = np.median(across[:, 1])
     inlier = np.abs(across[:, 1] - start[1] - slope[1] * along) < inlier_m
     return slope, start, inlier
+
+
+def _near_skin(local: Float, beside: float, slope: Float, at_foot: Float, inlier_m: float) -> float:
+    """Return the depth of the nearest skin at the foot: flanks go on behind an edge."""
+    off = local[:, 2] - at_foot[1] - slope[1] * (local[:, 0] - beside)
+    near = (np.abs(local[:, 0] - beside) < EDGE_REACH_M) & (np.abs(off) < inlier_m)
+    if int(near.sum()) < MIN_POINTS:
+        return float(at_foot[1])
+    return float(at_foot[1] + np.quantile(off[near], EDGE_SHARE))
 
 
 def _middle(local: Float, beside: float, slope: float) -> tuple[float | None, float]:

@@ -8,6 +8,7 @@ neighbour was hit again, in the same scan or the next. Ground counts like everyt
 from __future__ import annotations
 
 import zlib
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -21,6 +22,24 @@ Number = TypeVar("Number", np.int64, np.int32, np.float32, np.float64)
 
 #: Hits after which the mean of a voxel no longer follows new returns.
 MEAN_OVER = 32
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Followed:
+    """A blade that every scan shows anew.
+
+    The vehicle's position wanders, and each earlier place of the blade would stay beside it as an
+    obstacle that is not there.
+    """
+
+    root_w: Float
+    """(3,)"""
+    tip_w: Float
+    """(3,)"""
+    reach_m: float
+    """What is nearer to its axis is the blade's."""
+    not_before_s: float
+    """What of it was last seen earlier is left out."""
 
 
 class OccupancyMemory:
@@ -107,15 +126,23 @@ class OccupancyMemory:
         max_points: int = 2000,
         *,
         not_before_s: float = float("-inf"),
+        followed: Followed | None = None,
     ) -> Float32:
         """Return occupied places (N, 3) within a radius, one a voxel, at most ``max_points``.
 
         Where there are more, the nearest half is kept whole and the rest is thinned evenly.
-        ``not_before_s`` leaves out what was last seen earlier.
+        ``not_before_s`` leaves out what was last seen earlier; ``followed`` what of a blade that is
+        being followed was seen earlier.
         """
+        line: Float = np.zeros((2, 3))
+        reach_m, since_s = -1.0, not_before_s
+        if followed is not None:
+            line = np.stack([followed.root_w, followed.tip_w])
+            reach_m, since_s = followed.reach_m, followed.not_before_s
         found, distance2 = _around(
             self._solid, self._solid_count, self._mean, self._stamp,
             np.asarray(position_w, np.float64), radius_m * radius_m, not_before_s,
+            line, reach_m, since_s,
         )  # fmt: skip
         if len(found) <= max_points:
             return np.asarray(found, np.float32)
@@ -253,7 +280,7 @@ def _nearest(points: Float32, position: Float) -> tuple[int, float]:
 @compiled
 def _around(
     solid: Int64, count: int, mean: Float32, stamps: Float, position: Float, radius2: float,
-    not_before: float,
+    not_before: float, line: Float, reach: float, since: float,
 ) -> tuple[Float32, Float]:  # fmt: skip
     found = np.empty((count, 3), np.float32)
     distance2 = np.empty(count)
@@ -265,7 +292,24 @@ def _around(
         dz = mean[row, 2] - position[2]
         d2 = dx * dx + dy * dy + dz * dz
         if d2 <= radius2 and stamps[row] >= not_before:
+            if stamps[row] < since and _beside(mean[row], line) <= reach:
+                continue
             found[n, 0], found[n, 1], found[n, 2] = mean[row, 0], mean[row, 1], mean[row, 2]
             distance2[n] = d2
             n += 1
     return found[:n], distance2[:n]
+
+
+@compiled
+def _beside(place: Float32, line: Float) -> float:
+    """Return the distance of a place from a line between two points (2, 3)."""
+    along, length2, apart2 = 0.0, 0.0, 0.0
+    for k in range(3):
+        axis = line[1, k] - line[0, k]
+        along += (place[k] - line[0, k]) * axis
+        length2 += axis * axis
+    share = min(max(along / max(length2, 1e-9), 0.0), 1.0)
+    for k in range(3):
+        off = place[k] - line[0, k] - share * (line[1, k] - line[0, k])
+        apart2 += off * off
+    return float(np.sqrt(apart2))

@@ -113,6 +113,8 @@ class Flight:
         self.seen = SeenSpace(settings.lidar)
         self._looked_s = -math.inf
         self.corridor_w: Float = np.zeros((0, 3))
+        self.drift_w: Float = np.zeros(3)
+        """(3,) of the vehicle's position since the rotor was measured, as blades have shown it."""
         self._lines: list[Float] = []
 
     @property
@@ -200,13 +202,14 @@ class Flight:
         """Return what the guard has to know."""
         started = self.home_w is not None
         return Airspace(
-            sphere_w=self.hub_w if started else None,
+            sphere_w=self.hub_w + self.drift_w if started else None,
             sphere_radius_m=self.sphere_radius_m,
             open=self.rotor_open,
             model=self.model,
             corridor_w=self.corridor_w,
             home_w=self.home_w,
             seen=self.seen if self.model is None else None,
+            drift_w=self.drift_w,
         )
 
     def look(self) -> None:
@@ -226,12 +229,19 @@ class Flight:
 
     # --- moving ---------------------------------------------------------------------------
 
-    def go(self, points_w: Sequence[Float] | Float, speed_mps: float | Float) -> None:
+    def go(
+        self,
+        points_w: Sequence[Float] | Float,
+        speed_mps: float | Float,
+        shift_w: Float | None = None,
+    ) -> None:
         """Follow a polyline from where the vehicle is; it is opened as a corridor.
 
-        ``speed_mps``: one cap, or one for each of the points.
+        ``speed_mps``: one cap, or one for each of the points. ``shift_w``: (3,) by which the
+        polyline will be moved when it is followed.
         """
-        points = np.concatenate([self.here_w[None], np.atleast_2d(np.asarray(points_w))])
+        here = self.here_w if shift_w is None else self.here_w - shift_w
+        points = np.concatenate([here[None], np.atleast_2d(np.asarray(points_w))])
         caps = np.atleast_1d(np.asarray(speed_mps, float))
         if len(caps) > 1:
             caps = np.concatenate([caps[:1], caps])
@@ -247,24 +257,36 @@ class Flight:
         clear: Float = places_w[self.model.distance(places_w) >= least]
         return clear
 
-    def follow(self, yaw_rad: float, slow: float = 1.0, shift_w: Float | None = None) -> Setpoint:
-        """Return the next setpoint along the path that `go` began."""
+    def follow(
+        self,
+        yaw_rad: float,
+        slow: float = 1.0,
+        shift_w: Float | None = None,
+        *,
+        firm: bool = False,
+    ) -> Setpoint:
+        """Return the next setpoint along the path that `go` began.
+
+        ``firm``: the LiDAR sees the line that is flown along, and the vehicle is held to it.
+        """
         scan_rate = self._scan_rate_hz()
         # Travel per scan stays below 0.2 m near the turbine, whatever the scan rate.
         if scan_rate < 10.0 and self.model is not None:
             slow *= max(0.2, scan_rate / 10.0)
         return self.follower.follow(
-            self.vehicle.position_w, yaw_rad, self.dt_s, slow=slow, shift_w=shift_w
-        )
+            self.vehicle.position_w, yaw_rad, self.dt_s, slow=slow, shift_w=shift_w,
+            velocity_w=self.vehicle.velocity_w if firm else None,
+        )  # fmt: skip
 
     def hold(self, yaw_rad: float | None = None) -> Setpoint:
         """Return a setpoint that stays here."""
         yaw = self.vehicle.yaw_rad if yaw_rad is None else yaw_rad
         return self.follower.hold(self.vehicle.position_w, yaw, self.dt_s)
 
-    def arrived(self, within_m: float = 0.6) -> bool:
-        """Return whether the vehicle is at the end of its path."""
-        return self.follower.arrived(self.vehicle.position_w, within_m)
+    def arrived(self, within_m: float = 0.6, shift_w: Float | None = None) -> bool:
+        """Return whether the vehicle is at the end of its path, moved by ``shift_w``."""
+        here = self.here_w if shift_w is None else self.here_w - shift_w
+        return self.follower.arrived(_vec(here), within_m)
 
     def yaw_to(self, place_w: Float) -> float:
         """Return the yaw that faces a place; the present one where it is straight above."""

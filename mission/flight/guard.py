@@ -15,7 +15,7 @@ same arguments give the same answer, so a recording can be checked anew.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -70,6 +70,8 @@ class Airspace:
     home_w: Vec3 | None
     seen: SeenSpace | None = None
     """Where the LiDAR has looked, while nothing else is known of the inside of the sphere."""
+    drift_w: Float = field(default_factory=lambda: np.zeros(3))
+    """(3,) by which model and corridor lie elsewhere in the vehicle's frame by now."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,7 +228,11 @@ class Guard:
             return ""
         if not airspace.open and not leaving:
             return "the sphere round the rotor is closed"
-        if not _within(rest, airspace.corridor_w, CORRIDOR_M):
+        # The way being flown is opened where the vehicle is, the plan's lines where they were laid.
+        moved = rest - airspace.drift_w
+        if not _within(rest, airspace.corridor_w, CORRIDOR_M) and not _within(
+            moved, airspace.corridor_w, CORRIDOR_M
+        ):
             return "outside the plan's corridors"
         return ""
 
@@ -293,7 +299,7 @@ class _Near:
         self, here: Float, surroundings: Surroundings, airspace: Airspace, radius_m: float
     ) -> None:
         self._here, self._model, self._radius = here, airspace.model, radius_m
-        self._corridor = airspace.corridor_w
+        self._corridor, self._drift = airspace.corridor_w, airspace.drift_w
         offsets = surroundings.points_w - here
         apart = np.sqrt(np.einsum("nk,nk->n", offsets, offsets))
         close = apart < NEAR_M + 5.0
@@ -302,8 +308,8 @@ class _Near:
         units = [offsets[close] / np.maximum(apart[close], 1e-6)[:, None]]
         model_m = np.array([math.inf])
         if self._model is not None:
-            model_m, nearest = self._model.nearest(here)
-            toward = nearest - here
+            model_m, nearest = self._model.nearest(here - self._drift)
+            toward = nearest + self._drift - here
             length = np.maximum(np.linalg.norm(toward, axis=1), 1e-6)
             distances.append(model_m - radius_m)
             units.append(toward / length[:, None] * np.sign(model_m)[:, None])
@@ -324,7 +330,7 @@ class _Near:
             apart = places[:, None, :] - self._points[None, :, :]
             least = np.sqrt(np.einsum("knc,knc->kn", apart, apart).min(axis=1)) - POINT_ERROR_M
         if self._model is not None:
-            least = np.minimum(least, self._model.distance(places))
+            least = np.minimum(least, self._model.distance(places - self._drift))
         return least - self._radius
 
     def path_clearance(self, setpoint: Setpoint) -> float:
@@ -353,7 +359,10 @@ class _Near:
 
     def on_corridor(self, place: Float) -> bool:
         """Return whether a place lies on a way that the plan found clear."""
-        return _within(place, self._corridor, CORRIDOR_M)
+        moved = place - self._drift
+        return _within(place, self._corridor, CORRIDOR_M) or _within(
+            moved, self._corridor, CORRIDOR_M
+        )
 
     def retreat(self, hold: Setpoint) -> Setpoint:
         """Return a slow move away from what is nearest, or the hold where that is not free."""

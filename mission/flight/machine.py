@@ -10,6 +10,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
+
 from config.settings import Settings
 from config.turbine import Site, Turbine
 from mission.flight.command import Action, Command, MissionState, Phase, Progress
@@ -555,6 +557,6 @@ class Remeasure:
         """Close the sphere and begin the approach."""
         flight.rotor_open = False
         flight.rotor = flight.model = flight.plan = None
-        flight.leg_index = 0
+        flight.leg_index, flight.drift_w = 0, np.zeros(3)
         flight.open_corridor([])
         return Intent("measuring the rotor again", setpoint=flight.hold(), then=Approach())

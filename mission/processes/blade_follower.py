@@ -7,16 +7,42 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from config.photos import Positioning
 from config.turbine import Turbine
 from mission.flight.command import SensingTask
 from mission.flight.observation import BladeTrack, Vec3
-from perception.blade_line import fit_blade_line, outside_cone
+from perception.blade_line import SectionDepth, fit_blade_line, outside_cone
+from perception.clearance import Followed
 from perception.values import Float
 
 #: Scans are joined over this time for the blade's line.
 BLADE_WINDOW_S = 0.3
 #: Points this near to tower and nacelle are theirs: the position may be off by so much.
 OTHERS_SKIN_M = 0.6
+#: What of the followed blade was not seen again for so long is left to the model: farther from the
+#: modelled axis than the points that are taken for the blade's it may have been by the drift.
+FOLLOWED_S, FOLLOWED_DRIFT_M = 1.5, 3.0
+#: And of everything else, when a position may have drifted by so much; at most so long.
+KEPT_DRIFT_M, KEPT_S = 0.8, 120.0
+
+
+def kept_s(positioning: Positioning) -> float:
+    """Return for how long a place that is not seen again is told to the guard."""
+    drift_m2 = 2 * positioning.wander_sigma_m**2
+    return min(KEPT_S, positioning.wander_s * KEPT_DRIFT_M**2 / max(drift_m2, 1e-6))
+
+
+def followed(task: SensingTask, stamp_s: float) -> Followed | None:
+    """Return the blade of a task, of which only what was seen just now is an obstacle."""
+    if task.blade_root_w is None or task.blade_tip_w is None:
+        return None
+    reach_m = task.half_width_m + FOLLOWED_DRIFT_M
+    root_w, tip_w = np.asarray(task.blade_root_w), np.asarray(task.blade_tip_w)
+    return Followed(root_w, tip_w, reach_m, stamp_s - FOLLOWED_S)
+
+
+#: Radius of a leading edge over the chord; and from which thickness on a section is a cylinder.
+EDGE_ROUND, ROUND_SECTION = 0.03, 0.9
 
 
 class BladeFollower:
@@ -50,7 +76,7 @@ class BladeFollower:
             np.asarray(task.blade_root_w),
             np.asarray(task.blade_tip_w),
             task.half_width_m,
-            half_thickness_m=_half_depth(self._turbines.get(task.turbine), task, position_w),
+            depth=_depth(self._turbines.get(task.turbine), task),
         )
         if line is None:
             return None
@@ -68,19 +94,22 @@ class BladeFollower:
         )
 
 
-def _half_depth(turbine: Turbine | None, task: SensingTask, position_w: Float) -> float:
-    """Return how far behind the near skin the axis lies, seen square to the chord."""
-    if turbine is None or task.blade_root_w is None or task.blade_tip_w is None:
-        return 0.0
-    root_w, tip_w = np.asarray(task.blade_root_w), np.asarray(task.blade_tip_w)
-    length = float(np.linalg.norm(tip_w - root_w))
-    share = float((position_w - root_w) @ (tip_w - root_w)) / length**2
-    blade = turbine.blade
-    chord = float(np.interp(share, blade.span, blade.chord_m))
-    if task.side in ("LE", "TE"):
-        axis = float(np.interp(share, blade.span, blade.pitch_axis))
-        return chord * (axis if task.side == "LE" else 1.0 - axis)
-    return 0.5 * chord * float(np.interp(share, blade.span, blade.thickness))
+def _depth(turbine: Turbine | None, task: SensingTask) -> SectionDepth | None:
+    """Return how far behind the near skin the axis lies, seen square to the chord or along it."""
+    if turbine is None:
+        return None
+    blade, edge = turbine.blade, task.side in ("LE", "TE")
+    chord, axis = np.asarray(blade.chord_m), np.asarray(blade.pitch_axis)
+    metre = np.asarray(blade.span) * turbine.blade_length_m
+    half = 0.5 * chord * np.asarray(blade.thickness)
+    if not edge:
+        return SectionDepth(metre, half, edge)
+    turned = np.radians(np.asarray(blade.twist_deg) - np.interp(0.5, blade.span, blade.twist_deg))
+    # From the round end of the edge, twisted out of the view, to the axis.
+    round_m = np.minimum(half, EDGE_ROUND * chord) if task.side == "LE" else 0.0
+    round_m = np.where(np.asarray(blade.thickness) > ROUND_SECTION, half, round_m)
+    ahead = chord * (axis if task.side == "LE" else 1.0 - axis) - round_m
+    return SectionDepth(metre, ahead * np.cos(turned) + round_m, edge)
 
 
 def _vec(values: Float) -> Vec3:

@@ -22,7 +22,7 @@ from mission.flight.observation import (
     RequestKind,
     Vec3,
 )
-from mission.processes.blade_follower import BladeFollower
+from mission.processes.blade_follower import BladeFollower, followed, kept_s
 from mission.processes.metering_shown import metering_shown
 from mission.processes.runtime import Runtime, run_process
 from mission.processes.sensor_inbox import SensorInbox
@@ -51,8 +51,6 @@ AROUND_POINTS = 1500
 TURNING_RPS = math.radians(4.0)
 TURNING_REACH_M = 15.0
 STEADY_REACH_M = 45.0
-#: What was not seen again for so long is left to the model: the position drifts meanwhile.
-KEPT_S = 120.0
 RATE_WINDOW = 10
 #: Share of the blade's width that surely is blade, for the metering mask.
 SURE_WIDTH = 0.6
@@ -139,8 +137,10 @@ class TrackingWorker:
             repeated=repeated,
         )
         around = self._memory.around(
-            position_w, AROUND_M, AROUND_POINTS, not_before_s=scan.stamp_s - KEPT_S
-        )
+            position_w, AROUND_M, AROUND_POINTS,
+            not_before_s=scan.stamp_s - kept_s(self._settings.positioning),
+            followed=followed(self._inbox.task, scan.stamp_s),
+        )  # fmt: skip
         self._bus.publish(Key.OCCUPANCY, encode_points(around, scan.stamp_s), encoding=POINT_CLOUD)
         self._bus.publish(Key.CLEARANCE, _CLEARANCE.dump_json(state))
 

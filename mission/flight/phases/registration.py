@@ -1,8 +1,10 @@
 """Registration: the plan is moved to where the LiDAR sees the blade.
 
 The vehicle's position drifts, blades droop and bend: the measured axis lies beside the modelled
-one. The plan follows that offset by a low-pass, and, where the surface comes nearer than it
-should, moves outward. An offset that no drift explains means that the rotor has moved.
+one. The plan follows that offset (`LiveOffset`), and, where the surface comes nearer than it
+should, moves outward. What blades show of the position's drift is learnt (`FrameDrift`), for the
+direction along the blade and for everything that is not the blade. An offset that no drift
+explains means that the rotor has moved.
 """
 
 from __future__ import annotations
@@ -13,20 +15,21 @@ import numpy as np
 
 from mission.flight.flight import Flight
 from mission.flight.passes import Leg
+from mission.flight.phases.live_offset import LiveOffset
+from perception.frame_drift import FrameDrift
 from perception.values import Float
 
-#: Low-pass of the offset that the path follows: what the position's noise does in a second or two
-#: is undone by the LiDAR, so that the distance is held to the blade and not to the position.
-TIME_S = 0.5
-#: And of the one that the camera is aimed by, which need not be smooth.
-AIM_TIME_S = 0.35
 FRESH_S = 0.5
 #: A position without corrections drifts by metres between two measurements of the rotor.
 MOST_M = 6.0
-LEARN_S = 2.0
-NO_DROOP_SHARE = 0.4
-#: How far off the drift along a blade may be by the errors of the fitted rotor.
-DOUBT_M = 0.7
+#: The position's drift is learnt this often; what is seen is wrong by so much, in depth and aside,
+#: for longer than that.
+LEARN_S = 1.0
+DEPTH_SIGMA_M, ASIDE_SIGMA_M = 0.17, 0.5
+#: What a blade bends beyond the plan is not drift, and stays: the farther out, the less is learnt.
+BEND_PER_METRE = 0.025
+#: How far the measured hub may be off, per axis.
+ROTOR_SIGMA_M = 0.4
 #: Beyond drift and droop: the droop grows with the metre, the drift since the rotor was measured.
 MOVED_M = 3.0
 MOVED_PER_METRE = 0.03
@@ -37,7 +40,11 @@ JUMP_M = 1.5
 JUMP_STAYS_S = 3.0
 LOST_S = 5.0
 PUSH_MPS = 0.4
+#: Too near by so much it is made good in this time, and by so much more is kept.
+PUSH_TIME_S, PUSH_SPARE_M = 1.5, 0.1
 MOST_PUSH_M = 4.0
+#: A blade that is not seen is flown past on the fitted rotor, from this far at least.
+UNSEEN_M = 14.0
 
 
 class Registration:
@@ -48,13 +55,15 @@ class Registration:
         self.moved_s = 0.0
         """How long the offset has been one that only a moved rotor explains."""
         self.aim_w: Float = np.zeros(3)
-        """The same for the camera: less smooth, and where the blade was seen last."""
-        self._drift: Float = np.zeros(3)
-        self._seen: Float = np.zeros(3)
-        self._position: Float = np.zeros(3)
+        """The same for the camera, which is not pushed outward."""
+        self.drift_w: Float = np.zeros(3)
         """(3,) the position's drift since the rotor was measured, as far as blades have shown."""
+        self._live = LiveOffset()
+        self._filter: FrameDrift | None = None
+        self._rotor_s = math.nan
+        self._learnt_s = -math.inf
         self._push = 0.0
-        self._stamp_s = -math.inf
+        self._stamp_s = self._begun_s = -math.inf
         self._blade = ""
         self._begun = False
         self._jumped_s = 0.0
@@ -64,11 +73,12 @@ class Registration:
         """Begin a leg. What was learnt on another blade is a first guess: the position's drift."""
         if blade != self._blade:
             # Without the other blade's droop.
-            self._drift = self._seen = self._position
+            self._live.begin(self.drift_w)
             self._begun = False
         self._jumped_s, self._leapt = 0.0, False
         self._blade, self._push, self.moved_s = blade, 0.0, 0.0
-        self.shift_w = self._drift
+        self._begun_s = -math.inf
+        self.shift_w = self.drift_w
 
     def fresh(self, flight: Flight, leg: Leg) -> bool:
         """Return whether the newest track is of this blade, recent, and measured."""
@@ -80,46 +90,68 @@ class Registration:
             and flight.now_s - track.stamp_s < FRESH_S
         )
 
+    def drifted(self, flight: Flight) -> Float:
+        """Return the position's drift (3,) by now; it fades where no blade has been seen."""
+        rotor = flight.rotor
+        if rotor is None:
+            self._filter, self.drift_w = None, np.zeros(3)
+        elif self._filter is None or rotor.stamp_s != self._rotor_s:
+            known = flight.settings.positioning
+            self._rotor_s = rotor.stamp_s
+            self._filter = FrameDrift(
+                known.wander_sigma_m, known.wander_s, rotor.stamp_s, ROTOR_SIGMA_M
+            )
+        if self._filter is not None:
+            self.drift_w = self._filter.at(flight.now_s)[0]
+        return self.drift_w
+
     def update(self, flight: Flight, leg: Leg) -> Float:
         """Take the newest track and clearance; return the shift."""
-        track = flight.observation.blade
+        track, live = flight.observation.blade, self._live
+        if not math.isfinite(self._begun_s):
+            self._begun_s = flight.now_s
+        self.drifted(flight)
+        live.advance(flight.now_s, flight.here_w, np.array(flight.vehicle.velocity_w))
         if track is not None and self.fresh(flight, leg) and track.stamp_s > self._stamp_s:
             if track.stamp_s - self._stamp_s > LOST_S:
                 # Not seen for a while: what drifted meanwhile has not leapt.
                 self._begun = False
             step_s = min(track.stamp_s - self._stamp_s, 0.3)
             self._stamp_s = track.stamp_s
+            metre = leg.metre_of(flight.here_w - self.shift_w)
             # What of the offset is the blade's own form is in the plan.
-            offset = np.array(track.offset_w) - leg.centre(leg.metre_of(flight.here_w))
+            offset = np.array(track.offset_w) - leg.centre(metre)
             size = float(np.linalg.norm(offset))
             if math.isfinite(size) and not self._jumped(offset, step_s):
-                limit = MOVED_M + MOVED_PER_METRE * max(0.0, leg.metre_of(flight.here_w))
+                limit = MOVED_M + MOVED_PER_METRE * max(0.0, metre)
                 if not self._leapt:
                     limit += DRIFTED_M * min(1.0, _age_s(flight) / DRIFTED_S)
                 self.moved_s = self.moved_s + step_s if size > limit else 0.0
-                bounded = offset * min(1.0, MOST_M / max(size, 1e-6))
-                self._drift = self._drift + (bounded - self._drift) * (step_s / (TIME_S + step_s))
-                self._seen = self._seen + (bounded - self._seen) * (step_s / (AIM_TIME_S + step_s))
-                self._learn(offset, leg, flight, step_s)
-        self._push_outward(flight, leg)
-        along = _along(self._position, leg)
-        # What is small may as well be the fit's own error: only a real drift is followed.
-        size = float(np.linalg.norm(along))
-        along = along * (size**2 / (size**2 + DOUBT_M**2))
-        self.aim_w = self._seen - _along(self._seen, leg) + along
-        self.shift_w = self._drift - _along(self._drift, leg) + along + self._push * leg.view_w
+                live.correct(track.stamp_s, offset * min(1.0, MOST_M / max(size, 1e-6)), step_s)
+                self._learn(offset, metre, leg, flight)
+        self._push_outward(flight, leg, self.lost_s(flight))
+        # Across the blade as it is seen; along it, which no blade shows, as other blades told.
+        self.aim_w = live.value_w - _along(live.value_w, leg) + _along(self.drift_w, leg)
+        self.shift_w = self.aim_w + self._push * leg.view_w
         return self.shift_w
 
-    def _learn(self, offset: Float, leg: Leg, flight: Flight, step_s: float) -> None:
-        """Learn the position's own drift, near the root, where a blade hardly droops.
+    def _learn(self, offset: Float, metre: float, leg: Leg, flight: Flight) -> None:
+        """Learn the position's own drift from a blade's offset (3,).
 
-        Across this blade it is what is seen here; along it, what was seen of blades that lie
-        otherwise. So the metre of a photo is right although no blade shows it.
+        Where a blade's tip is seen is not taken: thin as it is, it ends a metre early in the scans.
         """
-        if leg.metre_of(flight.here_w) > NO_DROOP_SHARE * leg.length_m:
+        track = flight.observation.blade
+        if self._filter is None or track is None or flight.now_s - self._learnt_s < LEARN_S:
             return
-        across = self._position - _along(self._position, leg)
-        self._position = self._position + (offset - across) * (step_s / (LEARN_S + step_s))
+        self._learnt_s = flight.now_s
+        noise = flight.settings.positioning.noise_sigma_m
+        square = leg.view_w - _along(leg.view_w, leg)
+        view: Float = square / float(np.linalg.norm(square))
+        bend = BEND_PER_METRE * max(0.0, metre)
+        aside: Float = np.asarray(np.cross(leg.axis_w, view), np.float64)
+        for across, sigma in ((view, DEPTH_SIGMA_M), (aside, ASIDE_SIGMA_M)):
+            total = math.hypot(sigma, bend, noise)
+            self._filter.measure(track.stamp_s, across, float(offset @ across), total)
 
     def _jumped(self, offset: Float, step_s: float) -> bool:
         """Return whether an offset is not believed yet, because it came from one scan to the next.
@@ -127,7 +159,7 @@ class Registration:
         What is seen first of a blade is believed: there is nothing to have jumped from.
         """
         bounded = offset * min(1.0, MOST_M / max(float(np.linalg.norm(offset)), 1e-6))
-        apart = float(np.linalg.norm(bounded - self._drift))
+        apart = float(np.linalg.norm(bounded - self._live.at(self._stamp_s)))
         if not self._begun or apart < JUMP_M or self._jumped_s > JUMP_STAYS_S:
             # A position drifts; it does not leap and stay there.
             self._leapt = self._leapt or (self._begun and apart >= JUMP_M)
@@ -136,7 +168,11 @@ class Registration:
         self._jumped_s += step_s
         return True
 
-    def _push_outward(self, flight: Flight, leg: Leg) -> None:
+    def lost_s(self, flight: Flight) -> float:
+        """Return for how long the blade that is flown has not been seen, since the leg began."""
+        return flight.now_s - max(self._stamp_s, self._begun_s)
+
+    def _push_outward(self, flight: Flight, leg: Leg, lost_s: float) -> None:
         """Below the wanted surface clearance of this blade, move out; come back slowly."""
         clearance = flight.observation.clearance
         step = PUSH_MPS * flight.dt_s
@@ -146,10 +182,12 @@ class Registration:
         near = clearance.nearest_m - flight.settings.airframe.radius_m
         towards = np.array(clearance.nearest_w) - flight.here_w
         ahead = float(towards @ -leg.view_w) > 0.8 * float(np.linalg.norm(towards))
-        if near < least and ahead:
-            self._push = min(self._push + step, MOST_PUSH_M)
-        elif near > least + 0.5 or not ahead:
-            self._push = max(self._push - step / 2, 0.0)
+        missing = least + PUSH_SPARE_M - near if ahead else -math.inf
+        if lost_s > flight.settings.tracking.lost_foot_s:
+            wanted = leg.distance_at(leg.metre_of(flight.here_w - self.shift_w))
+            missing = max(missing, UNSEEN_M - wanted - self._push)
+        change = missing * flight.dt_s / PUSH_TIME_S
+        self._push = min(max(self._push + min(max(change, -step / 2), step), 0.0), MOST_PUSH_M)
 
 
 def _along(vector_w: Float, leg: Leg) -> Float:

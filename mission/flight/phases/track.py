@@ -34,6 +34,9 @@ STUCK_M = 1.5
 STUCK_S = 20.0
 #: Along a blade that the LiDAR does not see.
 BLIND_MPS = 1.0
+#: Along a blade that it has lost; after so long the vehicle stands until it is seen again.
+LOST_MPS, LOST_HOLD_S = 0.5, 10.0
+EDGES = frozenset({"LE", "TE"})
 
 
 class Track:
@@ -155,11 +158,12 @@ class Track:
     # --- moving ---------------------------------------------------------------------------
 
     def _transit(self, flight: Flight, leg: Leg, shooter: Shooter) -> Intent:
-        shift = self._registration.shift_w
-        start = leg.position(shooter.left[0]) + shift
+        # The roadmap is the plan's: it is flown moved by what the position has drifted since.
+        shift = flight.drift_w = self._registration.drifted(flight)
+        start = leg.position(shooter.left[0])
         yaw, gimbal = (
             _yaw(flight, leg),
-            flight.aim_at(leg.target(shooter.left[0]) + self._registration.aim_w),
+            flight.aim_at(leg.target(shooter.left[0]) + shift),
         )
         words = f"flying to blade {leg.blade} {leg.side}"
         if not self._moving:
@@ -170,21 +174,23 @@ class Track:
                 self._finish_leg(flight)
                 return Intent("no clear way", setpoint=flight.hold(yaw))
             self._moving = True
-            flight.go(way, flight.settings.guard.max_speed_near_mps)
-        setpoint = flight.follow(yaw)
-        if flight.arrived(0.8):
+            flight.go(way, flight.settings.guard.max_speed_near_mps, shift)
+        setpoint = flight.follow(yaw, 1.0, shift)
+        if flight.arrived(0.8, shift):
             self._running, self._moving = True, False
         return Intent(words, setpoint=setpoint, gimbal=gimbal, ev=_ev(flight))
 
     def _way(self, flight: Flight, start: Float) -> Float | None:
-        if flight.plan is None or float(np.linalg.norm(start - flight.here_w)) < JOIN_M:
+        here = flight.here_w - flight.drift_w
+        if flight.plan is None or float(np.linalg.norm(start - here)) < JOIN_M:
             return start[None]
-        way = flight.plan.roadmap.way(flight.here_w, start)
+        way = flight.plan.roadmap.way(here, start)
         return None if way is None else way[1:]
 
     def _run(self, flight: Flight, leg: Leg, shooter: Shooter) -> Intent:
         shift = self._registration.update(flight, leg)
-        here = flight.here_w
+        flight.drift_w = self._registration.drift_w
+        here, firm = flight.here_w, self._registration.fresh(flight, leg)
         metre = leg.metre_of(here - shift)
         if not self._moving and shooter.left:
             self._moving = True
@@ -193,15 +199,16 @@ class Track:
             self._speed = tracking_speed_mps(distance, leg.spacing_m, shutter, flight.settings)
             if leg.blind:
                 self._speed = min(self._speed, BLIND_MPS)
-            flight.go(_line(leg, metre, shooter.left), self._speed)
+            flight.go(_line(leg, metre, shooter.left), self._speed, shift)
         seen = self._registration.aim_w
         foot = leg.target(min(max(metre, 0.0), leg.length_m)) + seen
         aim = flight.aim_at(foot)
         distance = self._distance(flight, leg, metre, here, shift)
         photo, slow = shooter.step(flight, metre, distance, aim, foot, seen)
-        setpoint = flight.follow(_yaw(flight, leg), slow, shift)
+        slow *= self._unseen(flight, leg)
+        setpoint = flight.follow(_yaw(flight, leg), slow, shift, firm=firm)
         if shooter.left and flight.follower.left_m < 0.05:
-            flight.go(_line(leg, metre, shooter.left), self._speed)
+            flight.go(_line(leg, metre, shooter.left), self._speed, shift)
         if self._registration.moved_s > MOVED_S:
             flight.raised.add(Event.ROTOR_MOVED)
         book = flight.ledger.side(leg)
@@ -214,6 +221,18 @@ class Track:
             f"blade {leg.blade} {leg.side} at {metre:.1f} m", setpoint=setpoint, gimbal=aim,
             ev=_ev(flight), photo=photo, metre=metre, distance_m=distance,
         )  # fmt: skip
+
+    def _unseen(self, flight: Flight, leg: Leg) -> float:
+        """Return by how much to slow a leg whose blade the LiDAR has lost; 0: hold.
+
+        An edge may be too thin to be seen: there the fitted rotor is flown along to the end.
+        """
+        lost_s = self._registration.lost_s(flight)
+        if leg.blind or lost_s <= flight.settings.tracking.lost_foot_s:
+            return 1.0
+        if lost_s > LOST_HOLD_S and leg.side not in EDGES:
+            return 0.0
+        return min(1.0, LOST_MPS / self._speed)
 
     def _distance(self, flight: Flight, leg: Leg, metre: float, here: Float, shift: Float) -> float:
         track = flight.observation.blade

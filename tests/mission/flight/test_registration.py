@@ -24,6 +24,7 @@ def seen(registration, offsets, *, blade="A", begin_s=0.0):
         flight = SimpleNamespace(
             observation=SimpleNamespace(blade=track, clearance=None), now_s=now_s, dt_s=0.1,
             here_w=np.zeros(3), settings=Settings(), rotor=None,
+            vehicle=SimpleNamespace(velocity_w=(0.0, 0.0, 0.0)),
         )  # fmt: skip
         shift = registration.update(flight, LEG)
         longest = max(longest, registration.moved_s)
@@ -67,3 +68,20 @@ def test_a_blade_that_creeps_away_is_a_moved_rotor(registration):
 def test_an_offset_that_jumped_and_stays_is_a_moved_rotor(registration):
     _, longest = seen(registration, np.tile([0.5, 4.5, 0.0], (70, 1)), begin_s=3.0)
     assert longest > 2.0
+
+
+def test_a_blade_that_is_lost_is_flown_past_from_14_metres(registration):
+    LEG.distance_at = lambda _: 12.0
+    clearance = SimpleNamespace(nearest_m=30.0, nearest_w=(0.0, 30.0, 0.0))
+    push = []
+    for index in range(200):
+        now_s = 3.0 + 0.05 * index
+        flight = SimpleNamespace(
+            observation=SimpleNamespace(blade=None, clearance=clearance), now_s=now_s, dt_s=0.05,
+            here_w=np.zeros(3), settings=Settings(), rotor=None,
+            vehicle=SimpleNamespace(velocity_w=(0.0, 0.0, 0.0)),
+        )  # fmt: skip
+        shift = registration.update(flight, LEG)
+        push.append(float((shift - [0.5, 0.0, 0.0]) @ LEG.view_w))
+    assert max(push[:35]) < 0.01
+    assert push[-1] == pytest.approx(2.0, abs=0.1)
