@@ -44,6 +44,8 @@ class FrameSeen:
     ev: float
     """That truly exposed it, for those that are told."""
     stamp_s: float
+    spare: bool = False
+    """No photo is near: exposures may be tried."""
 
 
 class Method(Protocol):
@@ -75,7 +77,9 @@ class OnBlade:
         metered = self._meter(seen)
         if metered is not None:
             histogram = histogram_of(seen.grey)
-            self._ev = self.control.update(metered, seen.stamp_s, histogram)
+            self._ev = self.control.update(
+                metered, seen.stamp_s, histogram, spare=seen.spare
+            )
         return self._ev
 
     def _meter(self, seen: FrameSeen) -> Metered | None:

@@ -30,6 +30,8 @@ from perception.values import Bytes
 
 OURS_BIASED = "ours, on the automatic"
 FRAMES, FPS, EVERY = 120, 10, 10
+#: Frames of the first look before the pass: the way to it, without a photo.
+LEAD = 60
 LIVE_PX, STILL_PX = (160, 120), (640, 480)
 LATENCY_S = 0.2
 #: Of a camera at its full size, flown along at this speed: for the motion blur.
@@ -58,7 +60,7 @@ class Pass:
     lighting: Lighting
     stills: list[Still] = field(default_factory=list)
     outside: int = 0
-    """Live frames out of range after the first second."""
+    """Live frames out of range."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,21 +124,22 @@ def _one(
         kind = CameraKind(curve, manual, LATENCY_S)
         player = Player(make(manual), BenchCamera(kind, seed))
         runners.append(_Runner(name, player, None, Pass(name, surface, lighting)))
-    for k in range(frames):
-        share, t_s = k / (frames - 1), k / FPS
+    for k in range(-LEAD, frames):
+        # Before the pass the first look, while no photo is near.
+        share, t_s = max(k, 0) / (frames - 1), (k + LEAD) / FPS
         light = looks.light(surface, lighting, share)
         shown = looks.show(surface, light, share, *LIVE_PX)
         region = Region.of(shown.blade, float(rng.uniform(-1, 1)))
         for runner in runners:
-            runner.player.frame(shown.radiance, region, t_s)
-        if stills and k % EVERY == EVERY - 1:
+            runner.player.frame(shown.radiance, region, t_s, spare=k < 0)
+        if stills and k >= 0 and k % EVERY == EVERY - 1:
             look = looks.show(surface, light, share, *STILL_PX)
             defects = draw_defects(look.blade, rng)
             for runner in runners:
                 still = _still(look, defects, runner.player.camera, t_s, looks.metre(share))
                 runner.made.stills.append(still)
     for runner in runners:
-        runner.made.outside = int(runner.player.record.outside()[FPS:].sum())
+        runner.made.outside = int(runner.player.record.outside()[LEAD:].sum())
     return [runner.made for runner in runners]
 
 

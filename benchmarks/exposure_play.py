@@ -70,14 +70,19 @@ class Player:
         self.record = Record()
         self._words: deque[tuple[float, float]] = deque([(0.0, -1.0)])
 
-    def frame(self, radiance: Float32, region: Region, t_s: float) -> Bytes:
-        """Expose a frame, show it to the method, ask the camera for what it wants."""
+    def frame(
+        self, radiance: Float32, region: Region, t_s: float, *, spare: bool = False
+    ) -> Bytes:
+        """Expose a frame, show it to the method, ask the camera for what it wants.
+
+        ``spare``: no photo is near, as every method is told.
+        """
         camera = self.camera
         grey = camera.expose(radiance, t_s)
         # Word of the settings arrives a little after it was given, as over a bus.
         while self._words and self._words[0][1] <= t_s + 0.03:
             self.method.confirmed(*self._words.popleft())
-        seen = FrameSeen(grey, region.fitted, region.centre_px, camera.ev_at(t_s), t_s)
+        seen = FrameSeen(grey, region.fitted, region.centre_px, camera.ev_at(t_s), t_s, spare)
         word = camera.ask(self.method.update(seen), t_s)
         if word is not None:
             self._words.append(word)

@@ -1,8 +1,9 @@
 """Steps and ramps of the light: frames that show the blade out of range.
 
 The light of a whole look changes by 2 to 4 EV from one frame to the next, or by 3 EV over 30
-frames, from where the blade is exposed right. Before it, every method has the same 6 s of light
-with two changes, in which ours learns camera and latency.
+frames, from where the blade is exposed right. Before it, every method has the same 12 s
+of light with two changes: 6 s of steady light in which no photo is near, as on the way to the first
+pass, then changes by 3 and by 1.3 EV. Ours learns camera and latency from them.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ STEPS_EV = (2.0, -2.0, 3.0, -3.0, 4.0, -4.0)
 RAMPS_EV = (3.0, -3.0)
 RAMP_FRAMES = 30
 WIDTH_PX, HEIGHT_PX = 64, 48
-_PHASE_S, _AFTER_S = 2.0, 3.0
+#: Light before the event: a stretch in which no photo is near, then others.
+_SPARE_S, _PHASE_S, _AFTER_S = 6.0, 2.0, 3.0
 #: More of the blade white than this is a clipped event.
 _CLIPPED = 0.03
 
@@ -103,17 +105,19 @@ def play(event: Event, make: Maker, shown: Shown, seed: int) -> Outcome:
         # The scene is never quite still: a vehicle hovers.
         grain = rng.normal(0.0, 0.004)
         radiance: Float32 = shown.radiance * np.float32(2.0 ** (ev + grain))
-        player.frame(radiance, region, k / event.fps)
+        spare = k < round(_SPARE_S * event.fps)
+        player.frame(radiance, region, k / event.fps, spare=spare)
     return _outcome(event, player, first)
 
 
 def _light(event: Event) -> tuple[Float, int]:
     """Return the light (EV) of every frame, and the event's first frame."""
-    before, size = -event.change_ev / 2, round(_PHASE_S * event.fps)
-    lead = [np.full(size, before + away) for away in (-1.7, 1.3, 0.0)]
+    before = -event.change_ev / 2
+    stretches = ((0.0, _SPARE_S), (-1.7, _PHASE_S), (1.3, _PHASE_S), (0.0, _PHASE_S))
+    lead = [np.full(round(size_s * event.fps), before + away) for away, size_s in stretches]
     ramp = np.linspace(before, -before, event.frames + 1)[1:]
     after = np.full(round(_AFTER_S * event.fps) - 1, -before)
-    return np.concatenate([*lead, ramp, after]), 3 * size
+    return np.concatenate([*lead, ramp, after]), sum(map(len, lead))
 
 
 def _outcome(event: Event, player: Player, first: int) -> Outcome:

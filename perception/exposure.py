@@ -33,11 +33,19 @@ class ExposureControl(Protocol):
         """Take over the EVs that the camera has, and the highest that motion allows."""
         ...
 
-    def update(self, metered: Metered, stamp_s: float, histogram: Histogram | None = None) -> float:
+    def update(
+        self,
+        metered: Metered,
+        stamp_s: float,
+        histogram: Histogram | None = None,
+        *,
+        spare: bool = False,
+    ) -> float:
         """Return the EV wanted after a frame.
 
         ``metered``: the blade in it; ``stamp_s``: mission time of the frame; ``histogram``: (256,)
-        counts of the whole picture (`perception.metering.histogram_of`).
+        counts of the whole picture (`perception.metering.histogram_of`); ``spare``: no photo is
+        near, exposures may be tried.
         """
         ...
 

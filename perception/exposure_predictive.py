@@ -8,6 +8,7 @@ EV it missed the target:
 - the curve is learned (`exposure_response`);
 - a saturated mean only bounds the light: its darkest pixels say more, and where they are white too
   jump far enough to get off the stop, then measure;
+- its ends are looked at once, while no photo is near (`exposure_sweep`);
 - a ramp of the light is carried on over the latency (`exposure_trend`), and so is what the
   camera's own automatic is about to do (`exposure_automatic`);
 - the wish moves only when another step of the camera is clearly nearer.
@@ -23,6 +24,7 @@ from config.inspection import Exposure
 from perception.exposure_automatic import Automatic
 from perception.exposure_limits import EvSteps
 from perception.exposure_response import BRIGHT, DARK, Histogram, Response
+from perception.exposure_sweep import Sweep
 from perception.exposure_timeline import EvTimeline, Span
 from perception.exposure_trend import Trend
 from perception.metering import Metered
@@ -73,6 +75,7 @@ class PredictiveExposure:
         self.timeline = EvTimeline()
         self.trend = Trend()
         self.automatic = Automatic(present=automatic)
+        self.sweep = Sweep()
         self._frames: deque[_Seen] = deque(maxlen=4)
         self._held_ev: float | None = None
         self._asked_ev: float | None = None
@@ -97,7 +100,14 @@ class PredictiveExposure:
         """Whether the camera has nothing nearer to the target in the direction wanted."""
         return self._at_limit
 
-    def update(self, metered: Metered, stamp_s: float, histogram: Histogram | None = None) -> float:
+    def update(
+        self,
+        metered: Metered,
+        stamp_s: float,
+        histogram: Histogram | None = None,
+        *,
+        spare: bool = False,
+    ) -> float:
         """Return the EV wanted after one frame; see `perception.exposure.ExposureControl`."""
         held = self._held_ev if self._held_ev is not None else self._steps.nearest(0.0)
         newest_s = self._frames[-1].stamp_s if self._frames else -math.inf
@@ -123,7 +133,10 @@ class PredictiveExposure:
         lead_s = self.timeline.lead_s(period_s)
         ahead = self.trend.ahead(lead_s) + self.automatic.ahead(lead_s)
         target_ev = self.response.ev_at(self._settings.target_grey)
-        self._hold(target_ev - (self._frames[-1].level_ev - seen.ev) - ahead, stamp_s)
+        wanted_ev = target_ev - (self._frames[-1].level_ev - seen.ev) - ahead
+        settled = found[1] and abs(found[0] - held) < 0.02
+        wanted_ev += self.sweep.offset_ev(stamp_s, spare=spare, settled=settled)
+        self._hold(wanted_ev, stamp_s)
         return self._held_ev if self._held_ev is not None else held
 
     def _level(self, metered: Metered) -> tuple[float, Span]:

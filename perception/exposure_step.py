@@ -41,9 +41,16 @@ class StepExposure:
         """Whether gamma stands at the end that it was pushed to."""
         return self._at_limit
 
-    def update(self, metered: Metered, stamp_s: float, histogram: Histogram | None = None) -> float:
+    def update(
+        self,
+        metered: Metered,
+        stamp_s: float,
+        histogram: Histogram | None = None,
+        *,
+        spare: bool = False,
+    ) -> float:
         """Return gamma after one frame; see `perception.exposure.ExposureControl`."""
-        del stamp_s, histogram  # the paper looks at the mean alone
+        del stamp_s, histogram, spare  # the paper looks at the mean alone
         gamma = 0.0 if self._gamma_ev is None else self._gamma_ev
         wanted = gamma
         if metered.mean_grey > self._settings.max_grey:

@@ -39,8 +39,8 @@ def judge_photo(
     """Return the figures of the disc round the blade's foot, or None when it is out of the picture.
 
     ``grey``: (H, W). ``blade``: (H, W), not 0 where the blade is; what of the disc lies beside it
-    is left out, as long as enough remains. The disc is the reference region of Shi et al. 2025,
-    Eq. 5, on the still.
+    is left out. Where too little remains, the foot was thought to be where the blade is not: all
+    of the blade counts. The disc is the reference region of Shi et al. 2025, Eq. 5, on the still.
     """
     height, width = grey.shape
     left, right = int(centre_px[0] - radius_px), int(centre_px[0] + radius_px) + 1
@@ -55,6 +55,8 @@ def judge_photo(
         on_blade = inside & (blade[y0 : min(height, bottom), x0 : min(width, right)] > 0)
         if np.count_nonzero(on_blade) >= LEAST_PIXELS:
             inside = on_blade
+        elif np.count_nonzero(blade) >= LEAST_PIXELS:
+            window, inside = grey, blade > 0
     values = window[inside]
     if values.size == 0:
         return None

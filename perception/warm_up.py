@@ -14,12 +14,14 @@ from config.presets import load_turbine
 from config.settings import Settings
 from config.turbine import Turbine
 from perception.blade_line import fit_blade_line
+from perception.blade_strip import find_strip
 from perception.clearance import OccupancyMemory
 from perception.estimator import rotor_estimator
+from perception.geometry import camera_looking_along, pinhole_matrix
 from perception.hub_prior import TowerSurvey
 from perception.rotor import Refusal, direction_at
 from perception.rotor_motion import RotorMotionWatch
-from perception.values import Float
+from perception.values import CameraPose, Float
 
 _NORMAL: Float = np.array([0.0, 1.0, 0.0])
 _DOWN: Float = np.array([0.0, 0.0, -1.0])
@@ -51,7 +53,7 @@ def warm_up_estimation(settings: Settings) -> bool:
 
 
 def warm_up_tracking() -> None:
-    """Run the occupancy memory and the blade's line once."""
+    """Run the occupancy memory, the blade's line and its place in a picture once."""
     turbine = load_turbine("windpact-1.5")
     hub_w = np.array([0.0, -turbine.overhang_m, turbine.hub_height_m])
     points_w = drawn_turbine(turbine, hub_w, np.random.default_rng(0))
@@ -63,6 +65,11 @@ def warm_up_tracking() -> None:
     memory.around(eye_w, 30.0)
     tip_w = hub_w + turbine.rotor_radius_m * _DOWN
     fit_blade_line(points_w, eye_w, hub_w, tip_w, 3.0, half_thickness_m=0.3)
+    camera = CameraPose(0.0, eye_w, camera_looking_along(_NORMAL))
+    find_strip(
+        np.zeros((120, 160), np.uint8), eye_w + 12.0 * _NORMAL, _DOWN, camera,
+        pinhole_matrix(400.0, 160, 120), chord_m=2.0, thickness_m=0.4, sigma_m=0.5,
+    )  # fmt: skip
 
 
 def drawn_turbine(turbine: Turbine, hub_w: Float, rng: np.random.Generator) -> Float:

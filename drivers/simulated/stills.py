@@ -24,7 +24,7 @@ from perception.values import Bytes, CameraPose
 
 _JPEG_QUALITY = 90
 _BAND_PX = 128
-_LEAST_DISC_PX = 60
+_LEAST_BLADE_PX = 60
 #: Late answers of a camera that is `slow` or `delayed`, mission seconds.
 LATE_S = 3.0
 
@@ -40,7 +40,7 @@ class StillTruth:
     blur_full_px: float
     """Motion blur in pixels of the camera's full size."""
     blade_grey: float | None
-    """Mean grey of the blade in the disc about the picture's centre (or in all of it)."""
+    """Mean grey of all pixels that show the blade photographed; None: none does."""
     spoilt: bool
     """A fault took the place of the picture."""
 
@@ -87,7 +87,7 @@ class StillCamera:
         angle = float(self._rng.uniform(0.0, math.pi))
         radiance = motion_blur(drawn.radiance, blur_px, angle)
         colour = develop_colour(radiance, drawn.part, exposure, request.index + 1)
-        grey = _blade_grey(colour[..., 1], drawn.part, self._settings.exposure.disc_radius)
+        grey = _blade_grey(colour[..., 1], drawn.part)
         if word == "stuck" and self._last is not None:
             colour = self._last
         elif word == "wrong":
@@ -152,15 +152,11 @@ def motion_blur_px(
     return turning * shutter_s * focal_px
 
 
-def _blade_grey(grey: Bytes, part: Bytes, radius_share: float) -> float | None:
-    height, width = grey.shape
-    y, x = np.ogrid[:height, :width]
-    disc = (x - width / 2) ** 2 + (y - height / 2) ** 2 <= (radius_share * width) ** 2
-    blade = part < 3
-    inside = blade & disc
-    if np.count_nonzero(inside) < _LEAST_DISC_PX:
-        inside = blade
-    return float(grey[inside].mean()) if inside.any() else None
+def _blade_grey(grey: Bytes, part: Bytes) -> float | None:
+    """Return the mean grey of the blade of which most is seen; another may stand behind it."""
+    shown = np.bincount(part.ravel(), minlength=3)[:3]
+    blade = int(shown.argmax())
+    return float(grey[part == blade].mean()) if shown[blade] >= _LEAST_BLADE_PX else None
 
 
 class StillServer:

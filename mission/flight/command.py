@@ -92,7 +92,7 @@ class PhotoCommand:
     """The point of the blade's axis that the camera is aimed at."""
     repeated: bool = False
     marks: tuple[str, ...] = ()
-    """Why the photo may be doubtful: `exposure`, `aim`, `from_model`."""
+    """Why the photo may be doubtful: `exposure`, `limit` of the camera, `aim`, `from_model`."""
 
 
 class SensingMode(StrEnum):

@@ -29,6 +29,7 @@ from mission.records.photo_record import PhotoRecord, stored_records
 from mission.records.photos import NotAJpeg, PhotoLost, PhotoSite, fetch, store
 from mission.records.recording import Recording
 from mission.records.room import Room, RoomWatch
+from mission.records.second_shot import asks_again, rewrite, superseded
 from mission.records.summary import close_folder
 from mission.remote.asked_site import asked_settings
 from mission.remote.messages import (
@@ -68,6 +69,8 @@ class _Open:
     """Photos that the camera did not give out when asked: asked for once more at the end."""
     seen_before: dict[str, int] = field(default_factory=dict)
     photo_tasks: set[asyncio.Task[None]] = field(default_factory=set)
+    again: int = 0
+    """Photos that are kept and were asked for once more."""
     event_lines_lost: int = 0
     event_fault: str = ""
 
@@ -222,8 +225,12 @@ class Recorder:
             return
         mission.lost.pop(photo_id, None)
         mission.history.take_sightings(taken.stamp_s, photo.sightings)
-        mission.records.append(photo.record)
-        self._tell(photo_id, kept=photo.record.kept, reason=photo.record.reason)
+        record = photo.record
+        mission.records.append(record)
+        repeated = taken.command.repeated
+        again = asks_again(record, mission.again, len(mission.records), repeated=repeated)
+        mission.again += bool(again)
+        self._tell(photo_id, kept=record.kept and not again, reason=record.reason or again)
 
     async def _find_missing(self, mission: _Open) -> None:
         """Ask once more for photos that exist at the camera but could not be fetched."""
@@ -249,12 +256,15 @@ class Recorder:
         try:
             await loop.run_in_executor(self._writer, mission.recording.close)
             await loop.run_in_executor(self._writer, mission.link.close)
+            records = superseded(mission.records)
+            changed = [one for one in records if one not in mission.records]
+            await loop.run_in_executor(self._writer, rewrite, mission.folder, changed)
             await loop.run_in_executor(
                 self._writer,
                 close_folder,
                 mission.folder,
                 report,
-                tuple(mission.records),
+                records,
                 tuple(mission.lost.values()),
                 mission.settings,
                 mission.course.course(),

@@ -17,6 +17,9 @@ from perception.values import Bytes, Float
 
 #: A pixel is at most so much of the mask's edge that the sky shines in.
 _EDGE_PX = 5
+#: What of the blade is judged: the middle of the picture, in radii of the paper's disc. The same as
+#: is metered before: a camera aimed a little aside has its narrow disc on the blade's edge.
+MIDDLE_RADII = 2.5
 _OUT_OF_SIGHT = (-1e9, -1e9)
 
 
@@ -55,7 +58,7 @@ def judge(
     quality = judge_photo(
         grey,
         foot,
-        exposure.disc_radius * width_px,
+        MIDDLE_RADII * exposure.disc_radius * width_px,
         (exposure.min_grey, exposure.max_grey),
         inner,
     )

@@ -1,0 +1,162 @@
+"""The blade's own pixels in a live frame, metered where the LiDAR and the picture have it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from config.settings import Settings
+from config.turbine import Turbine
+from mission.flight.command import SensingTask
+from perception.blade_strip import MODEL_SIGMA_M, SEEN_SIGMA_M, StripFollower, find_strip
+from perception.geometry import pinhole_matrix
+from perception.metering import Metered, blade_outline, meter_disc, meter_outline
+from perception.projection import project
+from perception.values import CameraPose, Float, Frame
+
+#: Share of the blade's thickness that surely is blade where the picture does not show its edges.
+SURE_WIDTH = 0.6
+#: Share of the width between the edges that the picture shows.
+SHOWN_WIDTH = 0.7
+#: How far from the middle of the picture the blade counts, in radii of the paper's disc: where it
+#: is only supposed to be, and where the picture shows it.
+SUPPOSED_RADII, SHOWN_RADII = 4.0, 2.5
+#: The metre is known to this share of the blade.
+ABOUT = 0.06
+_STATIONS = 60
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeteredBlade:
+    """What was metered, and where (pixels)."""
+
+    metered: Metered | None
+    centre_px: Float | None
+    radius_px: float
+    outline_px: Float | None
+    range_m: float
+    """From the camera to the part of the blade that it looks at."""
+
+
+class BladeMetering:
+    """Meters the blade of a task, frame by frame."""
+
+    def __init__(self, settings: Settings, turbines: Mapping[str, Turbine]) -> None:
+        """``turbines``: dimensions by the name of the site."""
+        self._settings = settings
+        self._turbines = turbines
+        self._follower = StripFollower()
+        self._task_id = -1
+
+    def meter(
+        self, frame: Frame, camera: CameraPose, task: SensingTask, foot_w: Float | None
+    ) -> MeteredBlade | None:
+        """Return the metering of a frame; None where no blade is looked for.
+
+        ``foot_w``: (3,) where the LiDAR sees the blade's axis now, None: nowhere.
+        """
+        if task.blade_root_w is None or task.blade_tip_w is None:
+            return None
+        if task.task_id != self._task_id:
+            self._task_id = task.task_id
+            self._follower.reset()
+        height, width = frame.grey.shape
+        settings = self._settings.camera
+        matrix = pinhole_matrix(
+            settings.focal_length_mm / settings.sensor_width_mm * width, width, height
+        )
+        root_w, tip_w = np.asarray(task.blade_root_w), np.asarray(task.blade_tip_w)
+        shift_w = _beside(foot_w, root_w, tip_w)
+        root_w, tip_w = root_w + shift_w, tip_w + shift_w
+        radius_px = self._settings.exposure.disc_radius * width
+        near_w = looked_at(camera, root_w, tip_w)
+        turbine = self._turbines.get(task.turbine)
+        if turbine is not None:
+            found = self._on_blade(
+                frame, camera, matrix, (root_w, tip_w, near_w), turbine,
+                None if foot_w is None else shift_w,
+            )  # fmt: skip
+            if found is not None:
+                return found
+        near_px = project(near_w, camera, matrix)
+        metered = meter_disc(frame.grey, near_px, radius_px)
+        range_m = float(np.linalg.norm(near_w - camera.position_w))
+        return MeteredBlade(metered, near_px, radius_px, None, range_m)
+
+    def _on_blade(
+        self,
+        frame: Frame,
+        camera: CameraPose,
+        matrix: Float,
+        axis: tuple[Float, Float, Float],
+        turbine: Turbine,
+        shift_w: Float | None,
+    ) -> MeteredBlade | None:
+        """Meter a strip along the blade.
+
+        ``axis``: root, tip and the point looked at, (3,) each; ``shift_w``: (3,) of them from where
+        the model has them, None: the LiDAR does not see the blade.
+        """
+        radius_px = self._settings.exposure.disc_radius * frame.grey.shape[1]
+        root_w, tip_w, near_w = axis
+        span = np.linspace(0.0, 1.0, _STATIONS)
+        chord = np.interp(span, turbine.blade.span, turbine.blade.chord_m)
+        thick = chord * np.interp(span, turbine.blade.span, turbine.blade.thickness)
+        length_m = float(np.linalg.norm(tip_w - root_w))
+        here = float(np.linalg.norm(near_w - root_w)) / max(length_m, 1e-6)
+        about = np.abs(span - here) < ABOUT
+        strip = find_strip(
+            frame.grey,
+            near_w,
+            (tip_w - root_w) / max(length_m, 1e-6),
+            camera,
+            matrix,
+            chord_m=float(chord[about].max()),
+            thickness_m=float(thick[about].min()),
+            sigma_m=MODEL_SIGMA_M if shift_w is None else SEEN_SIGMA_M,
+        )
+        aside_w = _aside(tip_w - root_w, near_w - camera.position_w)
+        place = self._follower.update(
+            strip, frame.stamp_s, 0.0 if shift_w is None else float(shift_w @ aside_w)
+        )
+        half_m, reach_px = 0.5 * SURE_WIDTH * thick, SUPPOSED_RADII * radius_px
+        if place is not None:
+            middle_m, width_m = place
+            moved_w = middle_m * aside_w
+            root_w, tip_w, near_w = root_w + moved_w, tip_w + moved_w, near_w + moved_w
+            half_m = 0.5 * SHOWN_WIDTH * width_m * chord / float(np.interp(here, span, chord))
+            reach_px = SHOWN_RADII * radius_px
+        near_px = project(near_w, camera, matrix)
+        outline = blade_outline(root_w, tip_w, half_m, camera, matrix)
+        metered = meter_outline(frame.grey, outline, near_px, reach_px)
+        range_m = float(np.linalg.norm(near_w - camera.position_w))
+        found = MeteredBlade(metered, near_px, reach_px, outline, range_m)
+        return None if metered is None else found
+
+
+def looked_at(camera: CameraPose, root_w: Float, tip_w: Float) -> Float:
+    """Return the point (3,) of the blade's axis that comes nearest to the optical axis."""
+    axis, sight = tip_w - root_w, camera.rotation_wc[:, 2]
+    between = root_w - camera.position_w
+    a, b, d, e = axis @ axis, axis @ sight, axis @ between, sight @ between
+    parallel = a - b * b < 1e-6 * a
+    share = 0.5 if parallel else float((b * e - d) / (a - b * b))
+    nearest: Float = root_w + min(max(share, 0.0), 1.0) * axis
+    return nearest
+
+
+def _aside(axis_w: Float, sight_w: Float) -> Float:
+    across = np.cross(axis_w, sight_w)
+    return np.asarray(across / max(float(np.linalg.norm(across)), 1e-9), np.float64)
+
+
+def _beside(foot_w: Float | None, root_w: Float, tip_w: Float) -> Float:
+    """Return how far (3,) the blade was last seen beside the modelled axis."""
+    if foot_w is None:
+        return np.zeros(3)
+    axis = (tip_w - root_w) / np.linalg.norm(tip_w - root_w)
+    offset = foot_w - root_w
+    across: Float = offset - (offset @ axis) * axis
+    return across
