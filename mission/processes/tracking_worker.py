@@ -23,6 +23,7 @@ from mission.flight.observation import (
     Vec3,
 )
 from mission.processes.blade_follower import BladeFollower, followed, kept_s
+from mission.processes.blade_metering import BladeMetering, MeteredBlade
 from mission.processes.metering_shown import metering_shown
 from mission.processes.runtime import Runtime, run_process
 from mission.processes.sensor_inbox import SensorInbox
@@ -32,15 +33,8 @@ from perception.deskew import points_in_world
 from perception.exposure import ExposureControl, exposure_control
 from perception.exposure_limits import EvSteps
 from perception.frame_check import FrameCheck
-from perception.geometry import camera_looking_along, pinhole_matrix, rotation_from_quaternion
-from perception.metering import (
-    Metered,
-    blade_outline,
-    histogram_of,
-    meter_disc,
-    meter_outline,
-)
-from perception.projection import project
+from perception.geometry import camera_looking_along, rotation_from_quaternion
+from perception.metering import histogram_of
 from perception.values import CameraPose, Float, Frame, Scan
 from perception.warm_up import warm_up_tracking
 
@@ -52,8 +46,6 @@ TURNING_RPS = math.radians(4.0)
 TURNING_REACH_M = 15.0
 STEADY_REACH_M = 45.0
 RATE_WINDOW = 10
-#: Share of the blade's width that surely is blade, for the metering mask.
-SURE_WIDTH = 0.6
 
 _CLEARANCE = TypeAdapter(ClearanceState)
 _BLADE = TypeAdapter(BladeTrack)
@@ -77,6 +69,7 @@ class TrackingWorker:
             site.name: load_turbine(site.turbine, site.scale) for site in settings.sites
         }
         self._follower = BladeFollower(self._turbines)
+        self._metering = BladeMetering(settings, self._turbines)
         self._exposure: ExposureControl | None = None
         self._told_s = float("-inf")
         self._frames = FrameCheck()
@@ -171,10 +164,13 @@ class TrackingWorker:
         usable = self._frames.usable(frame.grey, frame.stamp_s, now_s)
         if control is None or not usable or self._inbox.task.mode is not SensingMode.BLADE:
             return
-        metered = self._meter(frame)
-        if metered is None:
+        found = self._meter(frame)
+        if found is None or found.metered is None:
             return
-        wanted = control.update(metered, frame.stamp_s, histogram_of(frame.grey))
+        metered = found.metered
+        # On the way to a pass no photo is near: the camera's curve may be looked at.
+        spare = found.range_m > self._settings.tracking.max_distance_m
+        wanted = control.update(metered, frame.stamp_s, histogram_of(frame.grey), spare=spare)
         limits = self._settings.exposure
         state = ExposureState(
             stamp_s=frame.stamp_s,
@@ -206,50 +202,22 @@ class TrackingWorker:
                 self._exposure.confirmed(camera.ev, camera.ev_stamp_s)
         return self._exposure
 
-    def _meter(self, frame: Frame) -> Metered | None:
-        """Meter the blade's own outline near the foot; the disc where the outline is not known."""
+    def _meter(self, frame: Frame) -> MeteredBlade | None:
+        """Meter the blade's own pixels, and show where that was."""
         camera = self._camera_pose(frame.stamp_s)
-        task = self._inbox.task
-        if camera is None or task.blade_root_w is None or task.blade_tip_w is None:
+        if camera is None:
+            return None
+        foot_w = None if self._foot_w is None else np.asarray(self._foot_w)
+        found = self._metering.meter(frame, camera, self._inbox.task, foot_w)
+        if found is None:
             return None
         height, width = frame.grey.shape
-        settings = self._settings.camera
-        focal_px = settings.focal_length_mm / settings.sensor_width_mm * width
-        matrix = pinhole_matrix(focal_px, width, height)
-        shift = self._shift(np.asarray(task.blade_root_w), np.asarray(task.blade_tip_w))
-        root_w = np.asarray(task.blade_root_w) + shift
-        tip_w = np.asarray(task.blade_tip_w) + shift
-        seen_px = project(_looked_at(camera, root_w, tip_w), camera, matrix)
-        radius_px = self._settings.exposure.disc_radius * width
-        turbine = self._turbines.get(task.turbine)
-        if turbine is not None:
-            span = np.linspace(0.0, 1.0, 60)
-            chord = np.interp(span, turbine.blade.span, turbine.blade.chord_m)
-            thick = chord * np.interp(span, turbine.blade.span, turbine.blade.thickness)
-            outline = blade_outline(root_w, tip_w, 0.5 * SURE_WIDTH * thick, camera, matrix)
-            metered = meter_outline(frame.grey, outline, seen_px, 4 * radius_px)
-            if metered is not None:
-                self._show_metering(frame, seen_px, 4 * radius_px, outline)
-                return metered
-        self._show_metering(frame, seen_px, radius_px, None)
-        return meter_disc(frame.grey, seen_px, radius_px)
-
-    def _show_metering(
-        self, frame: Frame, centre_px: Float | None, radius_px: float, outline_px: Float | None
-    ) -> None:
-        height, width = frame.grey.shape
-        shown = metering_shown(frame.stamp_s, (width, height), centre_px, radius_px, outline_px)
+        shown = metering_shown(
+            frame.stamp_s, (width, height), found.centre_px, found.radius_px, found.outline_px
+        )
         if shown is not None:
             self._bus.publish(Key.METERING, shown.model_dump_json().encode(), droppable=True)
-
-    def _shift(self, root_w: Float, tip_w: Float) -> Float:
-        """Return how far the blade was last seen beside the modelled axis, (3,)."""
-        if self._foot_w is None:
-            return np.zeros(3)
-        axis = (tip_w - root_w) / np.linalg.norm(tip_w - root_w)
-        offset = np.asarray(self._foot_w) - root_w
-        across: Float = offset - (offset @ axis) * axis
-        return across
+        return found
 
     def _camera_pose(self, stamp_s: float) -> CameraPose | None:
         gimbal = self._inbox.gimbal_at(stamp_s)
@@ -267,17 +235,6 @@ class TrackingWorker:
             math.sin(gimbal.pitch_rad),
         )
         return CameraPose(stamp_s, eye_w, camera_looking_along(direction))
-
-
-def _looked_at(camera: CameraPose, root_w: Float, tip_w: Float) -> Float:
-    """Return the point (3,) of the blade's axis that comes nearest to the optical axis."""
-    axis, sight = tip_w - root_w, camera.rotation_wc[:, 2]
-    between = root_w - camera.position_w
-    a, b, d, e = axis @ axis, axis @ sight, axis @ between, sight @ between
-    parallel = a - b * b < 1e-6 * a
-    share = 0.5 if parallel else float((b * e - d) / (a - b * b))
-    nearest: Float = root_w + min(max(share, 0.0), 1.0) * axis
-    return nearest
 
 
 def _vec(values: Float) -> Vec3:
