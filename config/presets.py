@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import difflib
 import tomllib
+from collections.abc import Iterable
 from functools import lru_cache
 from importlib.resources import files
 
@@ -21,7 +22,7 @@ from pydantic import ConfigDict, Field, ValidationError
 
 from config.errors import ConfigError, first_fault
 from config.model import ConfigModel
-from config.turbine import BladeShape, Turbine
+from config.turbine import BladeShape, Site, Turbine
 
 _FOLDER = files("config") / "turbines"
 
@@ -89,6 +90,11 @@ def load_turbine(name: str, scale: float = 1.0) -> Turbine:
         raise ConfigError(f"turbine {name!r}: scale {scale:g} must be above 0.1 and at most 2")
     turbine = _read(name)
     return turbine if scale == 1.0 else _scaled(turbine, scale)
+
+
+def turbines_of(sites: Iterable[Site]) -> dict[str, Turbine]:
+    """Return the turbine of each site, by the site's name. Raises `ConfigError`."""
+    return {site.name: load_turbine(site.turbine, site.scale) for site in sites}
 
 
 def _read(name: str) -> Turbine:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from pydantic import TypeAdapter
 
-from config.presets import load_turbine
+from config.presets import turbines_of
 from config.turbine import Turbine
 from drivers.bus import Bus, Key
 from mission.flight.command import SensingMode, SensingTask
@@ -68,9 +68,7 @@ class EstimationWorker:
         self._inbox = SensorInbox(bus, runtime.clock)
         self._gathered = _Gathered(-1, 0.0)
         self._sequence = 0
-        self._turbines = {
-            site.name: load_turbine(site.turbine, site.scale) for site in self._settings.sites
-        }
+        self._turbines = turbines_of(self._settings.sites)
 
     async def run(self) -> None:
         """Work through the newest scan, again and again, until cancelled."""

@@ -11,7 +11,7 @@ from collections import deque
 import numpy as np
 from pydantic import TypeAdapter
 
-from config.presets import load_turbine
+from config.presets import turbines_of
 from drivers.bus import Bus, Key, Sample
 from drivers.codecs import POINT_CLOUD, BadMessage, decode_frame, encode_points
 from mission.flight.command import SensingMode, SensingTask
@@ -65,9 +65,7 @@ class TrackingWorker:
         self._memory = OccupancyMemory(ignore_within_m=ignore_m)
         self._repeats = RepeatedScans()
         self._stamps: deque[float] = deque(maxlen=RATE_WINDOW)
-        self._turbines = {
-            site.name: load_turbine(site.turbine, site.scale) for site in settings.sites
-        }
+        self._turbines = turbines_of(settings.sites)
         self._follower = BladeFollower(self._turbines)
         self._metering = BladeMetering(settings, self._turbines)
         self._exposure: ExposureControl | None = None

@@ -12,7 +12,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from config.errors import first_fault
-from config.presets import load_turbine
+from config.presets import turbines_of
 from config.settings import Settings
 from drivers.bus import MAX_REQUEST_BYTES, Ask
 from drivers.bus_access import ALL_VERBS, LOCAL, QUERIES, VERBS, Role
@@ -242,8 +242,9 @@ class Desk:
 
 def _turbine_info(settings: Settings) -> list[TurbineInfo]:
     found = []
+    turbines = turbines_of(settings.sites)
     for site in settings.sites:
-        turbine = load_turbine(site.turbine, site.scale)
+        turbine = turbines[site.name]
         found.append(
             TurbineInfo(
                 name=site.name,
