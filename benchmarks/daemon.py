@@ -1,8 +1,8 @@
 """What the daemon costs with every sensor at full rate, idle and in flight, and how soon it is up.
 
-The simulated devices run beside it at real time: MAVLink, the MID-360's packets at 200 k points a
-second, and a live stream of 1080p30 that was encoded beforehand. Only the daemon's own processes
-are counted.
+The simulated devices run beside it: MAVLink, the MID-360's packets at 200 k points a second, and a
+live stream of 1080p30 that was encoded beforehand. Only the daemon's own processes are counted, in
+CPU seconds by mission second: a computer that has no time for real time can measure it slowly.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,15 +22,16 @@ from config.settings import Settings
 from config.simulation import Simulation
 from config.sources import load_settings, scenario_path
 from drivers.bus import Bus, Key
+from drivers.clock import Clock, SharedClock
 from mission.flight.command import TERMINAL, Phase
 from mission.processes.runtime import CLOCK_FILE
 from mission.processes.simulation import Daemon, Field, on_loopback
 from mission.remote.client import Client, NoReply
-from mission.remote.messages import ReadyMessage, StateMessage
+from mission.remote.messages import ReadyMessage, SensingHealth, StateMessage
 
 _READY = frozenset({"tracking", "estimation", "recorder"})
 _SETTLE_S = 5.0
-_START_S = 120.0
+_START_S = 600.0
 _FLIGHT_S = 900.0
 
 
@@ -41,6 +42,10 @@ class Stage:
     name: str
     shares: Shares
     memory_mb: dict[str, float]
+    scans_hz: float
+    """LiDAR scans that were looked at."""
+    frames_hz: float
+    """Live pictures that were looked at."""
     goal_percent: float | None
     goal_mb: float | None = None
 
@@ -64,7 +69,19 @@ class Rig:
     client: Client
     bus: Bus
     settings: Settings
+    clock: Clock
     begun_s: float
+
+    def usage(self) -> Usage:
+        """Return what was used until now."""
+        return Usage.now(self.root, self.clock.now_s())
+
+    def wait(self, mission_s: float) -> None:
+        """Wait for some mission time."""
+        until_s = self.clock.now_s() + mission_s
+        while self.clock.now_s() < until_s:
+            self.daemon.check()
+            time.sleep(0.02)
 
     @property
     def root(self) -> psutil.Process:
@@ -73,17 +90,19 @@ class Rig:
 
 
 @contextmanager
-def rig(seed: int) -> Iterator[Rig]:
+def rig(seed: int, speed: float) -> Iterator[Rig]:
     """Bring up field, stream and daemon."""
-    overrides = [f"simulation.seed={seed}", "simulation.speed=1", "simulation.sensors=wire"]
+    overrides = [f"simulation.seed={seed}", f"simulation.speed={speed}", "simulation.sensors=wire"]
     settings = on_loopback(load_settings([scenario_path("demo")], overrides=overrides))
-    with tempfile.TemporaryDirectory() as folder, ReplayedStream(seed) as stream:
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         world_dir, serve_dir = Path(folder) / "field", Path(folder) / "serve"
         world_dir.mkdir()
         serve_dir.mkdir()
         world = Field(settings, world_dir)
         try:
             site = world.wait_ready()
+            clock = SharedClock(world_dir / CLOCK_FILE)
+            stream = stack.enter_context(ReplayedStream(seed, clock))
             told = settings.model_copy(
                 update={
                     "sites": (site,),
@@ -96,19 +115,22 @@ def rig(seed: int) -> Iterator[Rig]:
             daemon = Daemon(told, serve_dir, world_dir / CLOCK_FILE)
             try:
                 with daemon.client(told) as client, Bus.open_client(told.bus, told.vehicle) as bus:
-                    yield Rig(daemon, client, bus, told, begun_s)
+                    yield Rig(daemon, client, bus, told, clock, begun_s)
             finally:
                 daemon.close()
         finally:
             world.close()
 
 
-def measure(seed: int, seconds: float, *, fly: bool) -> Measured:
-    """Measure a daemon that is idle and, where asked for, one that flies."""
-    with rig(seed) as up:
+def measure(seed: int, seconds: float, speed: float, *, fly: bool) -> Measured:
+    """Measure a daemon that is idle and, where asked for, one that flies.
+
+    ``seconds``: mission time of each stage; ``speed``: mission seconds a second.
+    """
+    with rig(seed, speed) as up:
         ready_s = _until_ready(up)
-        ready_cpu_s = sum(Usage.now(up.root).cpu_s.values())
-        time.sleep(_SETTLE_S)
+        ready_cpu_s = sum(up.usage().cpu_s.values())
+        up.wait(_SETTLE_S)
         stages = [_stage(up, "idle", seconds, 5.0)]
         if fly:
             stages += _flight(up, seconds)
@@ -143,9 +165,19 @@ def _linked(client: Client) -> bool:
 
 
 def _stage(up: Rig, name: str, seconds: float, goal: float, goal_mb: float | None = None) -> Stage:
-    before = Usage.now(up.root)
-    time.sleep(seconds)
-    return Stage(name, Usage.now(up.root).since(before), memory_mb(up.root), goal, goal_mb)
+    heard: list[SensingHealth] = []
+    end = up.bus.follow(
+        Key.SENSING,
+        lambda sample: heard.append(SensingHealth.model_validate_json(sample.payload)),
+    )
+    before = up.usage()
+    up.wait(seconds)
+    shares = up.usage().since(before)
+    end()
+    span_s = heard[-1].mission_s - heard[0].mission_s
+    scans_hz = (heard[-1].scans - heard[0].scans) / span_s
+    frames_hz = (heard[-1].frames - heard[0].frames) / span_s
+    return Stage(name, shares, memory_mb(up.root), scans_hz, frames_hz, goal, goal_mb)
 
 
 def _flight(up: Rig, seconds: float) -> Iterator[Stage]:
@@ -162,8 +194,8 @@ def _flight(up: Rig, seconds: float) -> Iterator[Stage]:
 
 
 def _await_phase(up: Rig, newest: list[StateMessage], phase: Phase) -> None:
-    deadline_s = time.monotonic() + _FLIGHT_S
-    while time.monotonic() < deadline_s:
+    deadline_s = up.clock.now_s() + _FLIGHT_S
+    while up.clock.now_s() < deadline_s:
         up.daemon.check()
         progress = newest[-1].progress if newest else None
         if progress is not None and progress.phase is phase:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import time
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -23,29 +22,29 @@ class Usage:
     cpu_s: dict[tuple[str, str], float]
 
     @classmethod
-    def now(cls, root: psutil.Process) -> Usage:
-        """Read the counters of a process and all below it."""
+    def now(cls, root: psutil.Process, at_s: float) -> Usage:
+        """Read the counters of a process and all below it; ``at_s``: mission time."""
         counts: defaultdict[tuple[str, str], float] = defaultdict(float)
         for name, process in _family(root):
             for thread, cpu_s in _threads(process.pid):
                 counts[name, thread] += cpu_s
-        return cls(time.monotonic(), dict(counts))
+        return cls(at_s, dict(counts))
 
     def since(self, before: Usage) -> Shares:
         """Return what was used since an earlier moment."""
-        wall_s = self.at_s - before.at_s
+        span_s = self.at_s - before.at_s
         used = {
-            key: (cpu_s - before.cpu_s.get(key, 0.0)) / wall_s * 100
+            key: (cpu_s - before.cpu_s.get(key, 0.0)) / span_s * 100
             for key, cpu_s in self.cpu_s.items()
         }
-        return Shares(wall_s, used)
+        return Shares(span_s, used)
 
 
 @dataclass(frozen=True, slots=True)
 class Shares:
-    """Per cent of a core by (process, thread) over some time."""
+    """Per cent of a core by (process, thread): CPU seconds by mission seconds."""
 
-    wall_s: float
+    span_s: float
     percent: dict[tuple[str, str], float]
 
     @property

@@ -7,13 +7,13 @@ same computer.
 from __future__ import annotations
 
 import threading
-import time
 from types import TracebackType
 from typing import Self
 
 import cv2
 import numpy as np
 
+from drivers.clock import Clock
 from drivers.simulated.h264 import H264Encoder
 from drivers.simulated.rtsp_server import RtspServer
 from perception.values import Bytes
@@ -50,7 +50,9 @@ class ReplayedPictures:
 class ReplayedStream:
     """An RTSP server of the film; a context manager."""
 
-    def __init__(self, seed: int) -> None:
+    def __init__(self, seed: int, clock: Clock) -> None:
+        """``clock``: its 30 pictures a second are of mission time."""
+        self._clock = clock
         self.pictures = ReplayedPictures(seed)
         self._server = RtspServer(0, WIDTH_PX, HEIGHT_PX, FPS, encoder=self.pictures)
         self._stop = threading.Event()
@@ -78,11 +80,12 @@ class ReplayedStream:
 
     def _push(self) -> None:
         nothing = np.zeros((HEIGHT_PX, WIDTH_PX), np.uint8)
-        begun_s, number = time.monotonic(), 0
-        while not self._stop.wait(max(0.0, begun_s + number / FPS - time.monotonic())):
-            # Wall time stands for mission time: the world runs at factor 1 beside it.
-            self._server.push(nothing, time.monotonic() - begun_s)
-            number += 1
+        next_s = self._clock.now_s()
+        while not self._stop.wait(0.003):
+            now_s = self._clock.now_s()
+            if now_s >= next_s:
+                self._server.push(nothing, now_s)
+                next_s = max(next_s + 1 / FPS, now_s - 1 / FPS)
 
 
 def _film(seed: int) -> list[Bytes]:

@@ -4,23 +4,31 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from mission.cli.exits import Exit, end, exit_of
+from mission.cli.junit import Flown, write_junit
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from config.settings import Settings
 
 _URLS = ("udpin://", "udpout://")
 
 
 def simulate_command(
-    scenario: Annotated[
-        str, typer.Argument(help="A packaged scenario (demo, full ...) or a TOML file.")
-    ] = "demo",
+    scenarios: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[SCENARIO]...",
+            help="Packaged scenarios (demo, full ...) or TOML files; demo where none is named.",
+        ),
+    ] = None,
     seed: Annotated[int | None, typer.Option(help="Draws turbine, weather and launch.")] = None,
     speed: Annotated[str | None, typer.Option(help="A factor, or 'auto' (1 to 5).")] = None,
     sensors: Annotated[str | None, typer.Option(help="'wire' or 'bus'.")] = None,
@@ -32,19 +40,13 @@ def simulate_command(
         list[str] | None, typer.Option("--set", help="section.key=value, as in a file.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print mission.json on stdout.")] = False,
+    junit: Annotated[Path | None, typer.Option(help="Write a JUnit report there, for CI.")] = None,
     keep: Annotated[
         Path | None, typer.Option(help="Keep the processes' private files here.")
     ] = None,
 ) -> None:
-    """Fly a whole inspection here: synthetic world, production path; exit 0 when it completed."""
+    """Fly whole inspections here: synthetic world, production path; exit 0 when all completed."""
     from rich.console import Console
-
-    from drivers.bus import BusUnreachable
-    from mission.cli.progress import LiveProgress
-    from mission.cli.summary import print_summary
-    from mission.processes.simulation import SimulationFailed, simulate
-    from mission.records.summary import add_truth
-    from mission.remote.client import NoReply
 
     overrides = list(set_ or [])
     for key, value in (
@@ -56,28 +58,61 @@ def simulate_command(
     ):
         if value is not None:
             overrides.append(f"{key}={value}")
-    settings = load_scenario(scenario, overrides)
-    _make_room(Path(settings.missions_dir), keep)
+    names = scenarios or ["demo"]
+    loaded = [(name, load_scenario(name, overrides)) for name in names]
     console = Console(file=sys.stderr if as_json else sys.stdout)
+    flown: list[Flown] = []
+    try:
+        for number, (name, settings) in enumerate(loaded, 1):
+            folder = keep / f"{number}-{Path(name).stem}" if keep and len(loaded) > 1 else keep
+            _make_room(Path(settings.missions_dir), folder)
+            flown.append(_fly(name, settings, console, folder, silent=as_json))
+    except KeyboardInterrupt:
+        end(Exit.UNFINISHED, "interrupted: the simulation was broken off")
+    finally:
+        if junit is not None:
+            write_junit(junit, flown)
+    if len(flown) == 1 and flown[0].code is Exit.DEVICE:
+        end(Exit.DEVICE, flown[0].words)
+    if as_json:
+        missions = [one.mission for one in flown]
+        answer = missions[0] if len(missions) == 1 else {"missions": missions}
+        sys.stdout.write(json.dumps(answer) + "\n")
+    elif len(flown) > 1:
+        for one in flown:
+            console.print(f"{one.scenario}: {one.words}", highlight=False)
+    raise typer.Exit(int(max(one.code for one in flown)))
+
+
+def _fly(
+    name: str, settings: Settings, console: Console, keep: Path | None, *, silent: bool
+) -> Flown:
+    """Fly one scenario, show it unless silent, and return how it ended."""
+    from drivers.bus import BusUnreachable
+    from mission.cli.progress import LiveProgress
+    from mission.cli.summary import print_summary
+    from mission.processes.simulation import SimulationFailed, simulate
+    from mission.records.summary import add_truth
+    from mission.remote.client import NoReply
+
     progress = LiveProgress(
         console,
-        f"bladescout - {Path(scenario).stem}",
+        f"bladescout - {Path(name).stem}",
         waits_for="starting the world, its sensors and the daemon",
-        silent=as_json,
+        silent=silent,
     )
+    begun_s = time.monotonic()
     try:
         with progress:
             outcome = simulate(settings, progress.on_state, progress.on_event, keep_run_dir=keep)
     except (SimulationFailed, BusUnreachable, NoReply) as error:
-        end(Exit.DEVICE, str(error))
-    except KeyboardInterrupt:
-        end(Exit.UNFINISHED, "interrupted: the simulation was broken off")
+        return Flown(name, Exit.DEVICE, str(error), time.monotonic() - begun_s, None, {})
     mission = add_truth(outcome.mission_dir, outcome.truth)
-    if as_json:
-        sys.stdout.write(json.dumps(mission) + "\n")
-    else:
+    if not silent:
         print_summary(console, mission, outcome.mission_dir)
-    raise typer.Exit(int(exit_of(outcome.state)))
+    words = f"{outcome.state}: {outcome.words}"
+    wall_s = time.monotonic() - begun_s
+    return Flown(name, exit_of(outcome.state), words, wall_s, outcome.mission_dir, mission)
 
 
 def _make_room(missions: Path, keep: Path | None) -> None:
