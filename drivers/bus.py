@@ -58,6 +58,8 @@ class Key(StrEnum):
     TASK = "mission/task"
     INTENT = "mission/intent"
     RECORD = "mission/record"
+    EARLIER = "mission/earlier"
+    JOURNAL = "mission/journal"
     PHOTO = "mission/photo"
     PHOTO_RESULT = "mission/photo_result"
     REPORT = "mission/report"

@@ -31,6 +31,11 @@ class Pack:
         self._told_s = 0.0
         self._late: deque[tuple[float, float]] = deque()
 
+    def renew(self) -> None:
+        """A charged pack takes its place."""
+        self.charge = self.told = 1.0
+        self._late.clear()
+
     @property
     def present(self) -> bool:
         """Whether anything is reported."""

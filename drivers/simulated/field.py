@@ -4,8 +4,8 @@
 ``told.json`` (all that the mission may know beforehand), ``clock``, and after the mission
 ``truth.json``. Standard output: a line of JSON ``{"ready": true}`` once sensors and MAVLink are up,
 ``{"finished": true}`` at the end, ``{"error": text}`` when the world cannot go on. Standard input,
-a line of JSON each: ``{"finish": MISSION_DIR}``, ``{"fault": {"device": ..., "word": ...}}`` or
-``{"trace": FILE}``; its end ends the field.
+a line of JSON each: ``{"finish": MISSION_DIR}``, ``{"fault": {"device": ..., "word": ...}}``,
+``{"swap": true}`` (a charged battery) or ``{"trace": FILE}``; its end ends the field.
 """
 
 from __future__ import annotations
@@ -126,6 +126,8 @@ class Field:
                 continue
             if order.fault is not None:
                 self._world.fault(order.fault.device, order.fault.word)
+            if order.swap and isinstance(self._world, World):
+                self._world.swap_battery()
             if order.trace is not None and isinstance(self._world, World):
                 tasks.append(asyncio.create_task(trace(self._world, Path(order.trace))))
             if order.finish is not None:

@@ -19,5 +19,7 @@ class Order(ConfigModel):
     finish: str | None = None
     """The mission is over: judge this mission folder, write the truth and end."""
     fault: FaultOrder | None = None
+    swap: bool = False
+    """Fit a charged battery; only on the ground."""
     trace: str | None = None
     """Write what the autopilot really does into this file, from now on."""

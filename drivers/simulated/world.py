@@ -111,6 +111,11 @@ class World:
         for link in self.links:
             link.flush(now_s)
 
+    def swap_battery(self) -> None:
+        """Fit a charged battery, where the vehicle stands on the ground."""
+        if not self.airborne:
+            self.aircraft.pack.renew()
+
     def fault(self, device: str, word: str) -> None:
         """Change a device's failure word; devices of the renderer are passed on."""
         if device == "link":

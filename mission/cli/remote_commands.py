@@ -7,6 +7,7 @@ import sys
 import time
 import uuid
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -163,6 +164,34 @@ def _plain(name: str, words: str) -> Callable[..., None]:
     return command
 
 
+def resume(
+    mission: Annotated[
+        str, typer.Argument(help="Folder of the mission to go on with; else the newest.")
+    ] = "",
+    operator: Annotated[str, typer.Option(help="Who resumes a mission that had ended.")] = "",
+    rotor_locked: Annotated[
+        bool,
+        typer.Option(
+            "--rotor-locked", help="The operator's word: rotor still braked and locked, yaw off."
+        ),
+    ] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only check.")] = False,
+    vehicle: Vehicle = "drone-1",
+    router: Router = DEFAULT_ROUTER,
+    keys: Keys = "",
+    as_json: AsJson = False,
+) -> None:
+    """Go on after a pause; or fly what is missing of a mission that ended unfinished."""
+    name = Path(mission).name
+    with connect(vehicle, router, keys) as client:
+        _answered(
+            lambda: client.resume(
+                name, operator=operator, rotor_locked=rotor_locked, dry_run=dry_run
+            ),
+            lambda reply: _show(reply, as_json),
+        )
+
+
 def turbines(
     vehicle: Vehicle = "drone-1",
     router: Router = DEFAULT_ROUTER,
@@ -213,10 +242,10 @@ def mount(app: typer.Typer) -> None:
     """Add the remote commands to the command line."""
     app.command()(start)
     app.command()(status)
+    app.command()(resume)
     app.command()(turbines)
     for name, words in (
         ("pause", "Hold where the vehicle is."),
-        ("resume", "Go on after a pause."),
         ("skip", "Leave out the rest of the pass that is flown."),
         ("stop", "Hold and hand the vehicle to the pilot."),
         ("abort", "Hold at once, leave the rotor, return."),

@@ -52,6 +52,9 @@ def print_summary(console: Console, mission: Mapping[str, object], folder: Path)
     if words and state != "completed":
         table.add_row("", escape(str(words)))
     table.add_row("duration", _number(minutes, ".1f", " simulated minutes"))
+    flights = _at(mission, "flights")
+    if isinstance(flights, list) and len(flights) > 1:
+        table.add_row("flights", f"{len(flights)}, battery swaps {_at(mission, 'swaps')}")
     angle = _number(_at(mission, "rotor", "stop_angle_deg"), ".2f", " deg")
     sigma = _number(_at(mission, "rotor", "sigma_deg"), ".2f")
     table.add_row("stop angle", f"{angle} +- {sigma}")

@@ -135,10 +135,11 @@ class Ledger:
         seen, skin = self.covered(blade, side), self._skins.get(blade, {}).get(side)
         return None if seen is None or skin is None else skin.share(seen)
 
-    def reports(self) -> tuple[PassReport, ...]:
-        """Return the lines of the mission report."""
+    def reports(self, *, skins: bool = True) -> tuple[PassReport, ...]:
+        """Return the lines of the mission report; ``skins``: with the share of skin shown."""
         return tuple(
-            book.report(self.skin_share(blade, side)) for (blade, side), book in self.sides.items()
+            book.report(self.skin_share(blade, side) if skins else None)
+            for (blade, side), book in self.sides.items()
         )
 
     def open_side(self, planned: SidePass) -> None:

@@ -109,8 +109,12 @@ class Machine:
         x, y, z = self._flight.tower_w
         return float(x), float(y), float(z)
 
-    def report(self) -> MissionReport:
-        """Return the mission so far."""
+    def report(self, *, brief: bool = False) -> MissionReport:
+        """Return the mission so far.
+
+        ``brief``: without the share of skin shown, and of the events only what was amiss: what is
+        cheap enough to be told in flight.
+        """
         flight = self._flight
         now = flight.now_s if self._ended_s is None else self._ended_s
         running = PhaseTime(self._phase.phase, self._entered_s, now)
@@ -122,8 +126,10 @@ class Machine:
             phases=(*self._times, running),
             rotor=flight.rotor,
             iterations=flight.iterations,
-            passes=flight.ledger.reports(),
-            events=tuple(self._events),
+            passes=flight.ledger.reports(skins=not brief),
+            events=tuple(
+                event for event in self._events if not brief or event.severity >= Reaction.WARN
+            ),
             swap=flight.swap,
         )
 

@@ -32,6 +32,7 @@ from mission.flight.command import (
     Progress,
     Setpoint,
 )
+from mission.flight.earlier import Earlier
 from mission.flight.events import EventRecord
 from mission.flight.guard import Guard, GuardedCommand
 from mission.flight.machine import Machine
@@ -55,7 +56,7 @@ from mission.processes.flight_pace import Pace
 from mission.processes.preflight import preflight_items, read_parameters
 from mission.processes.runtime import Runtime, run_process
 from mission.remote.asked_site import asked_site
-from mission.remote.messages import Intent
+from mission.remote.messages import EarlierMessage, Intent
 
 log = logging.getLogger(__name__)
 
@@ -65,6 +66,9 @@ REST_TICK_S = 0.2
 #: Ticks missed by more than this are left out, not made up for.
 MAX_LATE_S = 0.1
 RECONNECT_S = 2.0
+#: How much of a flight's figures a lost process may cost.
+JOURNAL_S = 5.0
+UNFLOWN = (Phase.IDLE, Phase.PREFLIGHT)
 IDLE_PROGRESS = Progress(Phase.IDLE, MissionState.IDLE, "ready")
 
 
@@ -103,7 +107,10 @@ class Flight:
         self._last_observation: Observation | None = None
         self._progress = IDLE_PROGRESS
         self._reported = True
+        self._earlier: EarlierMessage | None = None
+        self._journal_s = 0.0
         bus.subscribe(Key.INTENT, self._take_intent)
+        bus.subscribe(Key.EARLIER, self._take_earlier)
 
     async def run(self) -> None:
         """Find the vehicle and fly what is asked for, until cancelled."""
@@ -237,7 +244,17 @@ class Flight:
             late_s=max(0.0, late_s),
             silent=self._dead_man.look(now_s, engaged=engaged),
             guard_refused=self._guard_words,
+            earlier=self._newly_told(),
         )
+
+    def _newly_told(self) -> Earlier | None:
+        """Return what earlier flights left behind, once."""
+        told, intent = self._earlier, self._intent
+        if told is None or intent is None or self._machine is None:
+            return None
+        self._earlier = None
+        mine = (told.mission_dir, told.flight) == (intent.mission_dir, intent.flight)
+        return told.earlier if mine else None
 
     def _send(
         self,
@@ -305,8 +322,16 @@ class Flight:
         ended = command.progress.state in TERMINAL
         if self._tick % 4 == 0 or ended:
             self._outputs.state(command.progress, observation, self._inputs, self._intent)
+        elif observation.now_s - self._journal_s >= JOURNAL_S:
+            self._journal_s = observation.now_s
+            self._keep_journal(machine)
         if ended:
             self._end(machine)
+
+    def _keep_journal(self, machine: Machine) -> None:
+        intent, turbine = self._intent, self._turbine
+        if intent is not None and turbine is not None and machine.phase not in UNFLOWN:
+            self._outputs.journal(machine, intent, turbine, self._started_utc)
 
     def _end(self, machine: Machine) -> None:
         """Hand the report to the recorder, once; the machine is done."""
@@ -360,8 +385,12 @@ class Flight:
                 rotor_locked=intent.rotor_locked,
                 blades=intent.blades,
                 sides=intent.sides,
+                flight=intent.flight,
             )
         )
+
+    def _take_earlier(self, sample: Sample) -> None:
+        self._earlier = EarlierMessage.model_validate_json(sample.payload)
 
     def _start(self, intent: Intent) -> None:
         sites = {site.name: site for site in self._settings.sites}

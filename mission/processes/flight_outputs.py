@@ -162,6 +162,19 @@ class FlightOutputs:
         self._bus.publish(Key.PHOTO, message.model_dump_json().encode())
         return message
 
+    def journal(self, machine: Machine, intent: Intent, turbine: Turbine, started_utc: str) -> None:
+        """Publish how the flight stands: what the journal keeps should this process be lost."""
+        message = FlightReport.model_construct(
+            report=machine.report(brief=True),
+            site=intent.site,
+            turbine=turbine.name,
+            operator=intent.operator,
+            rotor_locked=intent.rotor_locked,
+            started_utc=started_utc,
+            tower_foot_w=machine.tower_foot_w(),
+        )
+        self._bus.publish(Key.JOURNAL, message.model_dump_json().encode())
+
     def report(
         self,
         machine: Machine,

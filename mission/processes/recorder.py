@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from config.errors import ConfigError
@@ -20,10 +21,13 @@ from config.sources import to_toml
 from drivers.autopilot_tap import TAP_FILE, TapListener
 from drivers.bus import Bus, Key, Sample
 from mission.flight.observation import RequestKind
+from mission.processes.flight_journal import FlightJournal
 from mission.processes.runtime import Runtime, run_process
 from mission.records.course import CourseKeeper
+from mission.records.earlier_photos import earlier_of
 from mission.records.files import CONFIG, EVENTS, LINK, new_recording, write_whole
 from mission.records.link_log import LinkLog
+from mission.records.pending import note_pending, read_pending, strike_out
 from mission.records.photo_moment import PhotoHistory, PhotoMoment
 from mission.records.photo_record import PhotoRecord, stored_records
 from mission.records.photos import NotAJpeg, PhotoLost, PhotoSite, fetch, store
@@ -33,6 +37,7 @@ from mission.records.second_shot import asks_again, rewrite, superseded
 from mission.records.summary import close_folder
 from mission.remote.asked_site import asked_settings
 from mission.remote.messages import (
+    EarlierMessage,
     FlightReport,
     Intent,
     PhotoResultMessage,
@@ -58,6 +63,7 @@ class _Open:
     recording: Recording
     link: LinkLog
     space: RoomWatch
+    journal: FlightJournal
     site: PhotoSite
     history: PhotoHistory
     settings: Settings
@@ -71,6 +77,8 @@ class _Open:
     photo_tasks: set[asyncio.Task[None]] = field(default_factory=set)
     again: int = 0
     """Photos that are kept and were asked for once more."""
+    unread: set[str] = field(default_factory=set)
+    """Keys of messages that could not be read: told once each."""
     event_lines_lost: int = 0
     event_fault: str = ""
 
@@ -160,7 +168,9 @@ class Recorder:
             mission.history.take(sample.key, sample.payload)
             mission.course.take(sample.key, sample.payload)
         except ValueError as error:  # recorded as it came; a photo's place may be told less well
-            log.warning("%s cannot be read: %s", sample.key, error)
+            if sample.key not in mission.unread:
+                log.warning("%s cannot be read: %s", sample.key, error)
+            mission.unread.add(sample.key)
         if sample.key == Key.EVENT:
             self._submit(lambda: _append(mission, sample.payload))
         elif sample.key == Key.PHOTO:
@@ -168,29 +178,36 @@ class Recorder:
             task = asyncio.create_task(self._take_photo(mission, taken))
             mission.photo_tasks.add(task)
             task.add_done_callback(mission.photo_tasks.discard)
+        elif sample.key == Key.JOURNAL:
+            self._submit(partial(mission.journal.so_far, _report(sample.payload)))
         elif sample.key == Key.REPORT:
-            report = FlightReport.model_validate_json(sample.payload)
-            task = asyncio.create_task(self._end(mission, report))
+            task = asyncio.create_task(self._end(mission, _report(sample.payload)))
             self._ending = task
 
     def _take_intent(self, intent: Intent) -> None:
         if intent.kind is not RequestKind.START:
             return
         folder = Path(intent.mission_dir)
-        if self._open is not None and self._open.folder == folder:
-            return
+        if self._open is not None:
+            if (self._open.folder, self._open.intent.flight) == (folder, intent.flight):
+                return
+            # The flight that was recorded never told its end: its process was lost.
+            self._submit(self._open.recording.close)
+            self._submit(self._open.link.close)
         settings = asked_settings(self._settings, intent.site, intent)
         asked = settings.inspection.model_copy(
             update={"blades": intent.blades, "sides": intent.sides}
         )
         site = _site(settings, intent.site)
-        recording = Recording(new_recording(folder), settings, site.turbine)
+        file = new_recording(folder)
+        recording = Recording(file, settings, site.turbine)
         self._open = _Open(
             intent,
             folder,
             recording,
             LinkLog(new_recording(folder, LINK)),
             RoomWatch(folder),
+            FlightJournal(folder, intent, file),
             site,
             PhotoHistory(self._settings.positioning),
             settings.model_copy(update={"inspection": asked}),
@@ -198,12 +215,42 @@ class Recorder:
         )
         text = to_toml(settings)
         self._submit(lambda: write_whole(folder / CONFIG, text.encode()))
+        self._submit(self._open.journal.begin)
+        self._looking_back = asyncio.create_task(self._look_back(self._open))
+
+    async def _look_back(self, mission: _Open) -> None:
+        """Fetch what a recorder before could not; tell a later flight what there is."""
+        loop = asyncio.get_running_loop()
+        stored = {record.photo_id for record in mission.records}
+        waiting = await loop.run_in_executor(self._writer, read_pending, mission.folder)
+        for taken, moment in waiting:
+            if taken.command.photo_id in stored:
+                self._submit(partial(strike_out, mission.folder, taken))
+            else:
+                await self._store_photo(mission, taken, moment)
+        if mission.intent.flight == 1:
+            return
+        numbers = [taken.command.photo_id for taken, _ in waiting]
+        # In its turn after what was begun there: the journal has read the earlier flights.
+        earlier = await loop.run_in_executor(
+            self._writer, earlier_of, mission.journal.before, tuple(mission.records), numbers
+        )
+        message = EarlierMessage(
+            mission_dir=str(mission.folder), flight=mission.intent.flight, earlier=earlier
+        )
+        self._bus.publish(Key.EARLIER, message.model_dump_json().encode())
 
     async def _take_photo(self, mission: _Open, taken: PhotoTakenMessage) -> None:
+        moment = _moment(mission.history, taken)
+        self._submit(partial(note_pending, mission.folder, taken, moment))
+        await self._store_photo(mission, taken, moment)
+
+    async def _store_photo(
+        self, mission: _Open, taken: PhotoTakenMessage, moment: PhotoMoment | None
+    ) -> None:
         loop = asyncio.get_running_loop()
         photo_id = taken.command.photo_id
         try:
-            moment = _moment(mission.history, taken)
             jpeg = await loop.run_in_executor(self._fetchers, fetch, taken.url)
             photo = await loop.run_in_executor(
                 self._fetchers,
@@ -223,6 +270,7 @@ class Recorder:
                 mission.missing[photo_id] = taken
             self._tell(photo_id, kept=False, reason=str(error))
             return
+        self._submit(partial(strike_out, mission.folder, taken))
         mission.lost.pop(photo_id, None)
         mission.history.take_sightings(taken.stamp_s, photo.sightings)
         record = photo.record
@@ -256,6 +304,9 @@ class Recorder:
         try:
             await loop.run_in_executor(self._writer, mission.recording.close)
             await loop.run_in_executor(self._writer, mission.link.close)
+            report, course, flights = await loop.run_in_executor(
+                self._writer, mission.journal.end, report, mission.course.course()
+            )
             records = superseded(mission.records)
             changed = [one for one in records if one not in mission.records]
             await loop.run_in_executor(self._writer, rewrite, mission.folder, changed)
@@ -267,14 +318,19 @@ class Recorder:
                 records,
                 tuple(mission.lost.values()),
                 mission.settings,
-                mission.course.course(),
+                course,
                 mission.not_recorded(),
+                flights,
             )
         except Exception as error:  # whatever it is, those who wait are told
             log.exception("the mission folder is not complete")
             ok, text = False, f"{type(error).__name__}: {error}"
         message = RecordedMessage(mission_dir=str(mission.folder), ok=ok, text=text)
         self._bus.publish(Key.RECORDED, message.model_dump_json().encode())
+
+
+def _report(payload: bytes) -> FlightReport:
+    return FlightReport.model_validate_json(payload)
 
 
 def _moment(history: PhotoHistory, taken: PhotoTakenMessage) -> PhotoMoment | None:

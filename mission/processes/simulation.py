@@ -31,6 +31,8 @@ from mission.remote.messages import EventMessage, RecordedMessage, StateMessage
 READY_TIMEOUT_S = 90.0
 START_TIMEOUT_S = 30.0
 RECORD_TIMEOUT_S = 60.0
+#: An inspection that needs more is not flown to its end.
+MOST_FLIGHTS = 12
 _COMES_YET = ("not_ready", "no_vehicle")
 
 
@@ -128,6 +130,10 @@ class Field:
     def fault(self, device: Device, word: Word) -> None:
         """Change a device's failure word now."""
         self._say({"fault": {"device": device, "word": word}})
+
+    def swap_battery(self) -> None:
+        """Fit a charged battery to the landed vehicle."""
+        self._say({"swap": True})
 
     def trace(self, file: Path) -> None:
         """Have written down what the autopilot really does, from now on."""
@@ -273,7 +279,9 @@ def simulate(
             told = settings.model_copy(update={"sites": (site,), "simulation": Simulation()})
             daemon = Daemon(told, serve_dir, world_dir / CLOCK_FILE)
             try:
-                folder = _fly(daemon, told, site, watcher, settings.simulation.max_duration_s)
+                folder = _fly(
+                    daemon, told, site, watcher, settings.simulation.max_duration_s, world
+                )
             finally:
                 daemon.close()
             truth = world.finish(folder)
@@ -289,27 +297,77 @@ def simulate(
 
 
 def _fly(
-    daemon: Daemon, settings: Settings, site: Site, watcher: Watcher, max_mission_s: float
+    daemon: Daemon,
+    settings: Settings,
+    site: Site,
+    watcher: Watcher,
+    max_mission_s: float,
+    world: Field,
 ) -> Path:
+    """Fly the mission; where a battery does not suffice, swap it and fly on."""
     with daemon.client(settings) as client:
         client.watch(watcher.take_state, watcher.take_event, watcher.take_recorded)
         folder = _start(daemon, client, site)
-        aborted = False
-        while not _ended(watcher, folder):
-            daemon.check()
-            time.sleep(0.1)
+        for flight in range(1, MOST_FLIGHTS + 1):
+            photos = _photos(watcher)
+            _to_its_end(daemon, client, watcher, folder, flight, max_mission_s)
             state = watcher.state
-            if state is not None and state.mission_s > max_mission_s and not aborted:
-                client.abort()
-                aborted = True
-        deadline = time.monotonic() + RECORD_TIMEOUT_S
-        while watcher.recorded is None and time.monotonic() < deadline:
-            time.sleep(0.05)
-        if watcher.recorded is None:
-            raise SimulationFailed("the recorder did not complete the mission folder")
-        if not watcher.recorded.ok:
-            raise SimulationFailed(f"{folder} is not complete: {watcher.recorded.text}")
+            swap = state is not None and state.progress.swap
+            gained = _photos(watcher) > photos or flight == 1
+            late = state is None or state.mission_s > max_mission_s
+            if flight == MOST_FLIGHTS or not swap or not gained or late:
+                break
+            world.swap_battery()
+            _resume(daemon, client, folder)
         return folder
+
+
+def _photos(watcher: Watcher) -> int:
+    return 0 if watcher.state is None else watcher.state.progress.photos
+
+
+def _to_its_end(
+    daemon: Daemon,
+    client: Client,
+    watcher: Watcher,
+    folder: Path,
+    flight: int,
+    max_mission_s: float,
+) -> None:
+    """Wait for the end of a flight and for its folder; end it where it takes too long."""
+    aborted = False
+    while not _ended(watcher, folder, flight):
+        daemon.check()
+        time.sleep(0.1)
+        state = watcher.state
+        if state is not None and state.mission_s > max_mission_s and not aborted:
+            client.abort()
+            aborted = True
+    deadline = time.monotonic() + RECORD_TIMEOUT_S
+    while watcher.recorded is None and time.monotonic() < deadline:
+        time.sleep(0.05)
+    recorded, watcher.recorded = watcher.recorded, None
+    if recorded is None:
+        raise SimulationFailed("the recorder did not complete the mission folder")
+    if not recorded.ok:
+        raise SimulationFailed(f"{folder} is not complete: {recorded.text}")
+
+
+def _resume(daemon: Daemon, client: Client, folder: Path) -> None:
+    deadline = time.monotonic() + START_TIMEOUT_S
+    text = ""
+    while time.monotonic() < deadline:
+        daemon.check()
+        try:
+            reply = client.resume(folder.name, operator="simulated operator", rotor_locked=True)
+        except NoReply as error:
+            text = str(error)
+        else:
+            if reply.ok:
+                return
+            text = reply.text
+        time.sleep(0.2)
+    raise SimulationFailed(f"the daemon did not take up {folder.name} again: {text}")
 
 
 def _start(daemon: Daemon, client: Client, site: Site) -> Path:
@@ -331,8 +389,8 @@ def _start(daemon: Daemon, client: Client, site: Site) -> Path:
     raise SimulationFailed(f"the daemon did not take the mission: {text}")
 
 
-def _ended(watcher: Watcher, folder: Path) -> bool:
+def _ended(watcher: Watcher, folder: Path, flight: int) -> bool:
     state = watcher.state
-    return (
-        state is not None and state.mission_dir == str(folder) and state.progress.state in TERMINAL
-    )
+    if state is None or (state.mission_dir, state.progress.flight) != (str(folder), flight):
+        return False
+    return state.progress.state in TERMINAL

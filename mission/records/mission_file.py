@@ -229,6 +229,19 @@ class ShapePart(_Part):
     pitch_axis: tuple[float, ...]
 
 
+class FlightPart(_Part):
+    """One flight of the inspection."""
+
+    number: int
+    operator: str = ""
+    started_utc: datetime | None = None
+    duration_s: float = 0.0
+    state: str = ""
+    words: str = ""
+    swap: bool = False
+    """The energy ended it."""
+
+
 class MissionFile(_Part):
     """The whole of mission.json, as far as it is shown."""
 
@@ -258,6 +271,9 @@ class MissionFile(_Part):
     timing: TimingPart
     faults: tuple[FaultPart, ...] = ()
     lost: tuple[str, ...] = ()
+    flights: tuple[FlightPart, ...] = ()
+    swaps: int = 0
+    """Of the battery, between flights."""
     inspection: InspectionPart = InspectionPart()
     blade_shape: ShapePart | None = None
     course: Course | None = None

@@ -53,6 +53,7 @@ def facts(mission: MissionFile) -> list[Fact]:
         ("Turbine", mission.turbine),
         ("Blades", serials or "serial numbers not given"),
         ("Date", local(mission.started_utc, told.time_zone)),
+        ("Flights", flights(mission)),
         ("Customer", told.customer),
         ("Inspected by", told.company),
         ("Operator", mission.operator),
@@ -75,6 +76,18 @@ def facts(mission: MissionFile) -> list[Fact]:
         ),
     )
     return [Fact(name, words) for name, words in lines if words]
+
+
+def flights(mission: MissionFile) -> str:
+    """Return how many flights it took and how each ended; empty for one."""
+    if len(mission.flights) < 2:
+        return ""
+    swaps = f"{mission.swaps} battery swap{'' if mission.swaps == 1 else 's'}"
+    each = "; ".join(
+        f"{one.number}: {one.duration_s / 60:.1f} min, {one.words or one.state}"
+        for one in mission.flights
+    )
+    return f"{len(mission.flights)} flights, {swaps} ({each})"
 
 
 def weather(mission: MissionFile) -> str:

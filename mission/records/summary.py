@@ -28,6 +28,7 @@ from mission.records.files import (
     manifest,
     write_whole,
 )
+from mission.records.flights import FlightRecord, swaps, told
 from mission.records.photo_record import PhotoRecord
 from mission.records.report import write_report
 from mission.remote.messages import FlightReport
@@ -47,14 +48,17 @@ def close_folder(
     settings: Settings,
     course: Course | None = None,
     not_recorded: Sequence[str] = (),
+    flights: Sequence[FlightRecord] = (),
 ) -> None:
     """Write mission.json, photos.geojson, the manifest and the report of a finished mission.
 
-    ``lost``: a sentence for each photo that was lost; ``not_recorded``: what else is missing.
+    ``lost``: a sentence for each photo that was lost; ``not_recorded``: what else is missing;
+    ``flights``: all that it took, of which ``report`` and ``course`` are the sum.
     """
     records = sorted(records, key=lambda record: record.photo_id)
     mission = _mission(report, records, lost, settings)
     mission["lost"] = [*lost, *not_recorded]
+    mission["flights"], mission["swaps"] = told(flights), swaps(flights)
     mission["course"] = None if course is None else course.model_dump(mode="json")
     write_whole(folder / MISSION, json.dumps(mission, indent=1).encode())
     write_whole(folder / GEOJSON, json.dumps(_geojson(records)).encode())

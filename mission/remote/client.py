@@ -29,6 +29,7 @@ from mission.remote.messages import (
     PlainRequest,
     RecordedMessage,
     Reply,
+    ResumeRequest,
     StartRequest,
     StateMessage,
     TurbineInfo,
@@ -145,9 +146,28 @@ class Client:
         """Hold where the vehicle is; `resume` goes on. Raises `NoReply`."""
         return self._plain(RequestKind.PAUSE)
 
-    def resume(self) -> Reply:
-        """Go on after a pause. Raises `NoReply`."""
-        return self._plain(RequestKind.RESUME)
+    def resume(
+        self,
+        mission: str = "",
+        *,
+        operator: str = "",
+        rotor_locked: bool = False,
+        request_id: str | None = None,
+        dry_run: bool = False,
+    ) -> Reply:
+        """Go on after a pause; where no mission runs, with one that ended unfinished.
+
+        ``mission``: name of its folder; empty: the newest. That takes the operator's word anew
+        that the rotor is still locked. Raises `NoReply`.
+        """
+        request = ResumeRequest(
+            id=request_id or uuid.uuid4().hex,
+            mission=mission,
+            operator=operator,
+            rotor_locked=rotor_locked,
+            dry_run=dry_run,
+        )
+        return self._ask(RequestKind.RESUME, request.model_dump_json())
 
     def skip(self) -> Reply:
         """Leave out the rest of the pass that is flown. Raises `NoReply`."""

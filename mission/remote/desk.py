@@ -26,11 +26,13 @@ from mission.remote.messages import (
     Known,
     PlainRequest,
     Reply,
+    ResumeRequest,
     StartRequest,
     StateMessage,
     TurbineInfo,
 )
 from mission.remote.started import Started
+from mission.remote.unfinished import NotResumable, Unfinished, unfinished
 
 log = logging.getLogger(__name__)
 
@@ -69,7 +71,9 @@ class Desk:
         self._roles = roles
         self._count = count
         self._started = Started(Path(settings.missions_dir))
-        self._pending: str | None = None
+        self._pending: tuple[str, int] | None = None
+        """Mission folder and flight that were handed over and not taken up yet."""
+        self._resumed: dict[str, str] = {}
         self._turbines = tuple(_turbine_info(settings))
         self._handlers: dict[str, Callable[[Ask], Reply]] = {
             "start": self._start,
@@ -77,6 +81,7 @@ class Desk:
             "turbines": self._list_turbines,
             "history": self._tell_history,
             **{kind: partial(self._plain, kind) for kind in _OF_MISSION},
+            "resume": self._resume,
         }
 
     def answer(self, ask: Ask) -> bytes:
@@ -89,7 +94,7 @@ class Desk:
 
     def take_state(self, state: StateMessage) -> None:
         """Hear how the mission stands: flight has taken over what it was handed."""
-        if self._pending is not None and state.mission_dir == self._pending:
+        if self._pending == (state.mission_dir, state.progress.flight):
             self._pending = None
 
     @property
@@ -169,7 +174,7 @@ class Desk:
             mission_dir=str(folder),
             **known,
         )
-        self._pending = str(folder)
+        self._pending = str(folder), 1
         self._history.begin()
         self._hand_over(intent)
         return Reply(ok=True, code=Code.STARTED, text="mission started", mission_dir=str(folder))
@@ -210,6 +215,58 @@ class Desk:
             return _refuse(Code.NOT_RUNNING, f"no mission is running: nothing to {kind}")
         self._hand_over(Intent(kind=kind, id=request.id))
         return Reply(ok=True, code=Code.ACCEPTED, text=f"{kind} handed to flight", state=state)
+
+    def _resume(self, ask: Ask) -> Reply:
+        """Go on after a pause; where no mission runs, with one that ended unfinished."""
+        request = ResumeRequest.model_validate_json(ask.payload)
+        state = self._history.state
+        if request.id in self._resumed:
+            return _resumed_before(self._resumed[request.id])
+        if self.under_way and not request.mission:
+            self._hand_over(Intent(kind=RequestKind.RESUME, id=request.id))
+            text = f"{RequestKind.RESUME} handed to flight"
+            return Reply(ok=True, code=Code.ACCEPTED, text=text, state=state)
+        try:
+            found = unfinished(Path(self._settings.missions_dir).resolve(), request.mission)
+        except NotResumable as error:
+            named = request.mission or "no mission is running" not in str(error)
+            return _refuse(Code.NOT_RESUMABLE if named else Code.NOT_RUNNING, str(error))
+        if found.last is not None and found.last.intent.id == request.id:
+            return _resumed_before(str(found.folder))
+        return self._refused_again(request, found) or self._fly_on(request, found)
+
+    def _refused_again(self, request: ResumeRequest, found: Unfinished) -> Reply | None:
+        """Return why this mission may not go on now; None: it may."""
+        name = found.folder.name
+        if not request.operator or not request.rotor_locked:
+            words = f"to go on with {name}, say who you are and that the rotor is still locked"
+            return _refuse(Code.NOT_CONFIRMED, words)
+        given = {"rotor_locked": True, "expires_utc_s": None}
+        return self._refusal(found.request.model_copy(update=given))
+
+    def _fly_on(self, request: ResumeRequest, found: Unfinished) -> Reply:
+        first, inspection = found.request, self._settings.inspection
+        words = f"flight {found.flight} of {found.folder.name}"
+        if request.dry_run:
+            return Reply(ok=True, code=Code.WOULD_START, text=f"would begin {words}")
+        asked = found.asked
+        intent = Intent(
+            kind=RequestKind.START,
+            id=request.id,
+            site=first.site,
+            operator=request.operator,
+            rotor_locked=request.rotor_locked,
+            blades=asked.blades if asked else first.blades or inspection.blades,
+            sides=asked.sides if asked else first.sides or inspection.sides,
+            mission_dir=str(found.folder),
+            flight=found.flight,
+            **{name: getattr(first, name) for name in Known.model_fields},
+        )
+        self._pending = str(found.folder), found.flight
+        self._resumed[request.id] = str(found.folder)
+        self._history.begin()
+        self._hand_over(intent)
+        return Reply(ok=True, code=Code.RESUMED, text=words, mission_dir=str(found.folder))
 
     def _status(self, ask: Ask) -> Reply:
         PlainRequest.model_validate_json(ask.payload)
@@ -262,6 +319,10 @@ def _started_before(request: StartRequest, first: StartRequest, folder: str) -> 
     if request != first:
         return _refuse(Code.ID_REUSED, f"id {request.id!r} has started another mission before")
     return Reply(ok=True, code=Code.ALREADY_STARTED, text="started before", mission_dir=folder)
+
+
+def _resumed_before(folder: str) -> Reply:
+    return Reply(ok=True, code=Code.ALREADY_STARTED, text="resumed before", mission_dir=folder)
 
 
 def _refuse(code: Code, text: str) -> Reply:

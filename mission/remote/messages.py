@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from config.inspection import BladeName, Side
 from mission.flight.command import Command, PhotoCommand, Progress
+from mission.flight.earlier import Earlier
 from mission.flight.observation import (
     BladeTrack,
     CameraState,
@@ -71,6 +72,20 @@ class StartRequest(Known):
     """Check the request and say what would be flown; start nothing."""
 
 
+class ResumeRequest(Message):
+    """Go on: after a pause; or, where no mission runs, with one that ended unfinished."""
+
+    version: Literal[1] = 1
+    id: Identifier
+    mission: Annotated[str, Field(max_length=120, pattern=r"^([A-Za-z0-9][A-Za-z0-9_.-]*)?$")] = ""
+    """Name of the mission folder; empty: what is under way, else the newest."""
+    operator: Annotated[str, Field(max_length=80)] = ""
+    rotor_locked: bool = False
+    """The operator's word: rotor braked and locked since, yaw off."""
+    dry_run: bool = False
+    """Check the request and say what would be done; start nothing."""
+
+
 class PlainRequest(Message):
     """Pause, resume, skip, stop, abort, status, turbines, history."""
 
@@ -86,6 +101,8 @@ class Code(StrEnum):
     STARTED = "started"
     ALREADY_STARTED = "already_started"
     WOULD_START = "would_start"
+    RESUMED = "resumed"
+    NOT_RESUMABLE = "not_resumable"
     ACCEPTED = "accepted"
     BAD_REQUEST = "bad_request"
     TOO_LARGE = "too_large"
@@ -158,6 +175,17 @@ class Intent(Known):
     blades: tuple[BladeName, ...] = ("A", "B", "C")
     sides: tuple[Side, ...] = ("PS", "SS", "LE", "TE")
     mission_dir: str = ""
+    flight: int = 1
+    """Number of the flight of this inspection."""
+
+
+class EarlierMessage(Message):
+    """Recorder to flight, before a later flight: what the earlier ones left behind."""
+
+    mission_dir: str
+    flight: int
+    """For which flight it is told."""
+    earlier: Earlier
 
 
 class VehicleMessage(Message):
