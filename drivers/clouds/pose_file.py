@@ -1,4 +1,4 @@
-"""Poses of a recording as text: TUM (`t_s x y z qx qy qz qw`) or CSV with those names.
+"""Poses of a recording: TUM (`t_s x y z qx qy qz qw`), CSV with those names, or a PX4 log.
 
 World from body, metres, z up; the body is forward, left, up.
 """
@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from drivers.bad_file import BadFile, read_bytes
+from drivers.clouds.ulog import read_ulog_poses
 from perception.values import Float, Pose
 
 COLUMNS = ("t_s", "x", "y", "z", "qx", "qy", "qz", "qw")
@@ -18,7 +19,12 @@ _REMEDY = f"each line must be {' '.join(COLUMNS)}, world from body (TUM), or CSV
 
 
 def read_poses(path: Path) -> tuple[Pose, ...]:
-    """Return the poses in rising time; raise `BadFile`. Velocities are those between them."""
+    """Return the poses in rising time; raise `BadFile`. Velocities are those between them.
+
+    A file whose name ends in `.ulg` is a PX4 log.
+    """
+    if path.suffix.lower() == ".ulg":
+        return read_ulog_poses(path)
     rows: list[list[float]] = []
     order = list(COLUMNS)
     text = read_bytes(path).decode("utf-8", "replace")

@@ -16,6 +16,7 @@ from mission.cli.bench_daemon import daemon
 from mission.cli.bench_exposure import exposure
 from mission.cli.bench_latency import latency
 from mission.cli.bench_missions import missions
+from mission.cli.bench_recording import recording
 from mission.cli.bench_requests import requests
 from mission.cli.bench_vehicle import vehicle
 
@@ -31,6 +32,7 @@ app.command("angle")(angle)
 app.command("daemon")(daemon)
 app.command("exposure")(exposure)
 app.command("latency")(latency)
+app.command("recording")(recording)
 app.command("requests")(requests)
 app.command("vehicle")(vehicle)
 app.command("missions")(missions)

@@ -109,10 +109,7 @@ def abort_in_each_phase():
 _CONFIG = "tests/config/test_sources.py::"
 _DESK = "tests/mission/remote/test_desk.py::"
 _ALLOWED = "tests/mission/remote/test_authorisation.py::"
-_LIMITS_40 = (
-    "previews are not dropped before photo records when room runs short; a write that takes 3 s "
-    "holds up the recorder alone"
-)
+_LIMITS_40 = "a write that takes 3 s holds up the recorder, and with it the verdicts on photos"
 
 ROWS = (
     Fault(40, "no room is left on the disk", disk_full, "disk", None, "running",
