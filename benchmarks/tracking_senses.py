@@ -25,11 +25,10 @@ from mission.flight.observation import (
     ClearanceState,
     HubPrior,
     RotorEstimate,
-    Vec3,
 )
 from mission.processes.blade_follower import BladeFollower, followed, kept_s
 from perception.clearance import OccupancyMemory
-from perception.geometry import rotation_from_euler, rotation_from_quaternion
+from perception.geometry import rotation_from_euler, rotation_from_quaternion, vec3
 from perception.values import Float
 
 #: Errors of one measured rotor: `bladescout bench angle` (mean 0.18 deg: sigma 0.23).
@@ -149,7 +148,7 @@ class Senses:
             now_s,
             self._scans,
             None if nearest is None else nearest[0],
-            None if nearest is None else _vec(nearest[1]),
+            None if nearest is None else vec3(nearest[1]),
         )
         if self._scans % 2:
             return
@@ -179,11 +178,11 @@ class Senses:
         known = high or (self.prior is not None and self.prior.normal_w is not None)
         self.prior = HubPrior(
             stamp_s=now_s,
-            tower_w=_vec(tower),
+            tower_w=vec3(tower),
             tower_axis_w=(0.0, 0.0, 1.0),
             tower_top_m=turbine.tower_height_m if high else None,
-            hub_w=_vec(hub) if known else None,
-            normal_w=_vec(level) if known else None,
+            hub_w=vec3(hub) if known else None,
+            normal_w=vec3(level) if known else None,
             sigma_m=1.0 if high else 2.0,
             turning=False if known else None,
         )
@@ -201,12 +200,12 @@ class Senses:
             blade_names(scene.stop_angle_deg), frame.blades, scene.pitch_deg,
             PITCH_SIGMA_DEG * (own[[7, 8, 0]]), strict=True,
         ):  # fmt: skip
-            blades.append(BladeEstimate(name, _vec(together @ blade.axis_w), pitch + float(err)))
+            blades.append(BladeEstimate(name, vec3(together @ blade.axis_w), pitch + float(err)))
         self.rotor = RotorEstimate(
             stamp_s=now_s,
             sequence=1 if self.rotor is None else self.rotor.sequence + 1,
-            hub_w=_vec(self._local(frame.hub_w) + HUB_SIGMA_M * own[:3]),
-            normal_w=_vec(lean @ frame.normal_w),
+            hub_w=vec3(self._local(frame.hub_w) + HUB_SIGMA_M * own[:3]),
+            normal_w=vec3(lean @ frame.normal_w),
             stop_angle_deg=(scene.stop_angle_deg + math.degrees(angle)) % 120.0,
             sigma_deg=ANGLE_SIGMA_DEG,
             blades=tuple(sorted(blades, key=lambda blade: blade.name)),
@@ -222,7 +221,3 @@ def _about(axis: Float, angle_rad: float) -> Float:
     return np.asarray(
         np.eye(3) + math.sin(angle_rad) * cross + (1.0 - math.cos(angle_rad)) * (cross @ cross)
     )
-
-
-def _vec(values: Float) -> Vec3:
-    return float(values[0]), float(values[1]), float(values[2])

@@ -40,7 +40,7 @@ from mission.flight.observation import (
 from mission.flight.passes import Section
 from mission.flight.rotor_model import MeasuredBlade, RotorModel, rotor_model
 from mission.flight.sides import BladeFrame
-from perception.geometry import wrap_angle
+from perception.geometry import vec3, wrap_angle
 from perception.rotor import blade_angles_deg, direction_at
 from perception.values import Float
 
@@ -96,7 +96,7 @@ def true_model(truth: Truth, turbine: Turbine) -> RotorModel:
     blades = []
     for name, angle in zip("ABC", blade_angles_deg(truth.stop_angle_deg), strict=True):
         direction = direction_at(math.radians(angle), normal, down, cone)
-        blades.append(MeasuredBlade(name, _vec(direction), truth.pitch_deg))
+        blades.append(MeasuredBlade(name, vec3(direction), truth.pitch_deg))
     return rotor_model(hub, normal, blades, turbine)
 
 
@@ -229,7 +229,7 @@ class VirtualFlight:
             flown.step_s.append(step_s)
             flown.guard_s.append(guard_s)
         if self.tick % 4 == 0:
-            flown.track.append(_vec(self.position))
+            flown.track.append(vec3(self.position))
             if self.position[2] > 5.0:
                 distance = float(self._model.distance(self.position[None])[0])
                 clearance = distance - self.settings.airframe.radius_m
@@ -314,7 +314,7 @@ class VirtualFlight:
             self.now_s,
             self.tick,
             float(apart[nearest]) if near else None,
-            _vec(self._points[nearest]) if near else None,
+            vec3(self._points[nearest]) if near else None,
         )
         self._surroundings = Surroundings(self._points[apart < 30.0], self.now_s)
         if task.mode is SensingMode.TOWER and (self.tick % 10 == 0 or self._prior is None):
@@ -344,11 +344,11 @@ class VirtualFlight:
         told = known or remembered
         self._prior = HubPrior(
             stamp_s=self.now_s,
-            tower_w=_vec(tower + np.array([0.0, 0.0, 5.0])),
+            tower_w=vec3(tower + np.array([0.0, 0.0, 5.0])),
             tower_axis_w=(0.0, 0.0, 1.0),
             tower_top_m=self.turbine.tower_height_m if high else None,
-            hub_w=_vec(model.hub_w + self._rng.normal(0, 0.5, 3)) if told else None,
-            normal_w=_vec(level) if told else None,
+            hub_w=vec3(model.hub_w + self._rng.normal(0, 0.5, 3)) if told else None,
+            normal_w=vec3(level) if told else None,
             sigma_m=1.0 if high else 2.0,
             turning=self.truth.turning if told else None,
         )
@@ -360,14 +360,14 @@ class VirtualFlight:
         self._rotor = RotorEstimate(
             stamp_s=self.now_s,
             sequence=self._sequence,
-            hub_w=_vec(model.hub_w + self._rng.normal(0, self.truth.angle_noise_deg, 3)),
-            normal_w=_vec(model.normal_w),
+            hub_w=vec3(model.hub_w + self._rng.normal(0, self.truth.angle_noise_deg, 3)),
+            normal_w=vec3(model.normal_w),
             stop_angle_deg=(self.truth.stop_angle_deg + noise) % 120.0,
             sigma_deg=self.truth.angle_noise_deg,
             blades=tuple(
                 BladeEstimate(
                     frame.name,
-                    _vec(frame.axis_w),
+                    vec3(frame.axis_w),
                     self.truth.pitch_deg if self.truth.pitch_known else None,
                 )
                 for frame in model.frames
@@ -386,11 +386,11 @@ class VirtualFlight:
         self._track = BladeTrack(
             stamp_s=self.now_s,
             blade=frame.name,
-            foot_w=_vec(foot),
-            direction_w=_vec(frame.axis_w),
+            foot_w=vec3(foot),
+            direction_w=vec3(frame.axis_w),
             distance_m=float(np.linalg.norm(self.position - foot)),
             points_per_s=500.0,
-            offset_w=_vec(middle + self._rng.normal(0, 0.05, 3)),
+            offset_w=vec3(middle + self._rng.normal(0, 0.05, 3)),
             residual_m=0.05,
         )
 
@@ -402,8 +402,8 @@ class VirtualFlight:
         airborne = self.armed and bool(self.position[2] > 0.3)
         vehicle = Vehicle(
             stamp_s=self.now_s,
-            position_w=_vec(self.position + noise),
-            velocity_w=_vec(self.velocity),
+            position_w=vec3(self.position + noise),
+            velocity_w=vec3(self.velocity),
             quaternion_wb=(math.cos(self.yaw / 2), 0.0, 0.0, math.sin(self.yaw / 2)),
             yaw_rad=self.yaw,
             mode=self._mode_reported[0],
@@ -454,7 +454,3 @@ def _surface(model: RotorModel, turbine: Turbine) -> Float:
     points.append(model.box_centre_w + (corners * model.box_half) @ model.box_axes)
     points.append(model.hub_w[None] - model.normal_w * model.hub_radius_m)
     return np.concatenate(points)
-
-
-def _vec(values: Float) -> Vec3:
-    return (float(values[0]), float(values[1]), float(values[2]))

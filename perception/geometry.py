@@ -69,6 +69,11 @@ def lidar_in_body(nose_down_deg: float) -> Float:
     return rotation_from_euler(0.0, math.radians(nose_down_deg), 0.0)
 
 
+def vec3(values: Float) -> tuple[float, float, float]:
+    """Return a vector (3,) as plain numbers, as observations and messages hold it."""
+    return float(values[0]), float(values[1]), float(values[2])
+
+
 def heading_from_enu_yaw(yaw_rad: float) -> float:
     """Return the compass heading (degrees, [0, 360)) of an ENU yaw."""
     return (90.0 - math.degrees(yaw_rad)) % 360.0

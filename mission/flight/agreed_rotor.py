@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from mission.flight.observation import BladeEstimate, RotorEstimate, Vec3
-from perception.geometry import stop_angle_difference_deg
+from perception.geometry import stop_angle_difference_deg, vec3
 from perception.values import Float
 
 
@@ -32,8 +32,8 @@ def agreed_rotor(estimates: Sequence[RotorEstimate]) -> RotorEstimate:
         base,
         stamp_s=last.stamp_s,
         sequence=last.sequence,
-        hub_w=_vec(np.mean([one.hub_w for one in estimates], axis=0)),
-        normal_w=_vec(_unit(np.mean([one.normal_w for one in estimates], axis=0))),
+        hub_w=vec3(np.mean([one.hub_w for one in estimates], axis=0)),
+        normal_w=vec3(_unit(np.mean([one.normal_w for one in estimates], axis=0))),
         stop_angle_deg=0.0 if angle >= 120.0 else angle,
         blades=tuple(
             replace(blade, direction_w=_mean_direction(blade, estimates)) for blade in base.blades
@@ -52,12 +52,8 @@ def _off(one: RotorEstimate, last: RotorEstimate) -> float:
 
 def _mean_direction(blade: BladeEstimate, estimates: Sequence[RotorEstimate]) -> Vec3:
     directions = [same_blade(blade, one).direction_w for one in estimates]
-    return _vec(_unit(np.mean(directions, axis=0)))
+    return vec3(_unit(np.mean(directions, axis=0)))
 
 
 def _unit(value: Float) -> Float:
     return np.asarray(value / np.linalg.norm(value), np.float64)
-
-
-def _vec(value: Float) -> Vec3:
-    return float(value[0]), float(value[1]), float(value[2])

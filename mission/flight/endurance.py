@@ -9,15 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import numpy as np
-
 from config.energy import leg_s, must_return_at, power_w
 from mission.flight.flight import Flight
 from mission.flight.footprint import tracking_speed_mps
 from mission.flight.motion import shutter_s
-from mission.flight.observation import Vec3
 from mission.flight.passes import Leg
-from perception.values import Float
+from perception.geometry import vec3
 
 #: What the watch keeps above the charge at which the way home has to begin.
 WATCHED = 0.02
@@ -35,7 +32,7 @@ def suffices(flight: Flight, leg: Leg, photos: Sequence[float]) -> bool:
     first, last = leg.position(photos[0]), leg.position(photos[-1])
     wind = vehicle.wind_w or (0.0, 0.0, 0.0)
     near_mps = settings.guard.max_speed_near_mps
-    apart_s = leg_s(settings.airframe, _vec(flight.here_w), _vec(first), near_mps)
+    apart_s = leg_s(settings.airframe, vec3(flight.here_w), vec3(first), near_mps)
     shutter = shutter_s(flight.observation.camera, settings)
     pace = tracking_speed_mps(leg.distance_at(photos[0]), leg.spacing_m, shutter, settings)
     along_s = abs(photos[-1] - photos[0]) / pace + ENDS_S
@@ -43,10 +40,5 @@ def suffices(flight: Flight, leg: Leg, photos: Sequence[float]) -> bool:
     drawn_w = power_w(battery, (pace, 0.0, 0.0), (0.0, math.hypot(wind[0], wind[1]), 0.0))
     used = drawn_w * (DETOUR * apart_s + along_s) / 3600.0 / battery.capacity_wh
     home = flight.home_w or vehicle.position_w
-    needed = must_return_at(battery, settings.airframe, _vec(last), home, float(last[2]), wind)
+    needed = must_return_at(battery, settings.airframe, vec3(last), home, float(last[2]), wind)
     return vehicle.battery - used >= needed + WATCHED
-
-
-def _vec(values: Float) -> Vec3:
-    x, y, z = (float(value) for value in np.asarray(values))
-    return (x, y, z)

@@ -30,7 +30,7 @@ from mission.flight.plan import Plan
 from mission.flight.rotor_model import RotorModel
 from mission.flight.seen_space import SeenSpace
 from mission.flight.trajectory import Follower, Path
-from perception.geometry import rotation_from_quaternion
+from perception.geometry import rotation_from_quaternion, vec3
 from perception.values import Float
 
 #: Kept outside the closed sphere, for the vehicle's own wander.
@@ -286,7 +286,7 @@ class Flight:
     def arrived(self, within_m: float = 0.6, shift_w: Float | None = None) -> bool:
         """Return whether the vehicle is at the end of its path, moved by ``shift_w``."""
         here = self.here_w if shift_w is None else self.here_w - shift_w
-        return self.follower.arrived(_vec(here), within_m)
+        return self.follower.arrived(vec3(here), within_m)
 
     def yaw_to(self, place_w: Float) -> float:
         """Return the yaw that faces a place; the present one where it is straight above."""
@@ -322,9 +322,9 @@ class Flight:
         self.task = SensingTask(
             mode=mode,
             task_id=self.task.task_id + 1,
-            tower_w=_vec(self.tower_w),
-            hub_w=_vec(self.hub_w),
-            normal_w=None if normal is None else _vec(normal),
+            tower_w=vec3(self.tower_w),
+            hub_w=vec3(self.hub_w),
+            normal_w=None if normal is None else vec3(normal),
             turbine=self.site.name,
         )
 
@@ -335,14 +335,14 @@ class Flight:
         self.task = SensingTask(
             mode=SensingMode.BLADE,
             task_id=self.task.task_id + 1,
-            tower_w=_vec(self.tower_w),
-            hub_w=_vec(self.hub_w),
+            tower_w=vec3(self.tower_w),
+            hub_w=vec3(self.hub_w),
             normal_w=None if self.rotor is None else self.rotor.normal_w,
             turbine=self.site.name,
             blade=blade,
             side=side,
-            blade_root_w=_vec(root_w),
-            blade_tip_w=_vec(tip_w),
+            blade_root_w=vec3(root_w),
+            blade_tip_w=vec3(tip_w),
             half_width_m=half_width_m,
             others=() if self.model is None else self.model.not_blades(),
         )
@@ -354,7 +354,3 @@ def _dense(line: Float) -> Float:
     at = np.concatenate([[0.0], np.cumsum(pieces)])
     even = np.linspace(0.0, at[-1], max(2, math.ceil(at[-1] / CORRIDOR_STEP_M) + 1))
     return np.stack([np.interp(even, at, line[:, k]) for k in range(3)], axis=1)
-
-
-def _vec(values: Float) -> Vec3:
-    return (float(values[0]), float(values[1]), float(values[2]))

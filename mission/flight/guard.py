@@ -24,6 +24,7 @@ from mission.flight.command import Command, Phase, Setpoint
 from mission.flight.observation import Observation, Vec3
 from mission.flight.rotor_model import RotorModel
 from mission.flight.seen_space import SeenSpace
+from perception.geometry import vec3
 from perception.values import Float
 
 #: PX4 comes to rest this long after a setpoint's velocity beyond its position (1 / MPC_XY_P).
@@ -181,7 +182,7 @@ class Guard:
             velocity, words = before + change * (most / grown), "acceleration trimmed"
         if not words:
             return asked, ""
-        return Setpoint(_vec(position), _vec(velocity), asked.yaw_rad), words
+        return Setpoint(vec3(position), vec3(velocity), asked.yaw_rad), words
 
     def _outside_bounds(self, setpoint: Setpoint, here: Float, airspace: Airspace) -> str:
         """Cylinder and height, round the take-off point; moving back inside is allowed."""
@@ -267,7 +268,7 @@ class Guard:
         if not (asked > allowed + 1e-6).any():
             return setpoint, False
         lead, fed = _without_closing(lead, fed, near.units, allowed)
-        return Setpoint(_vec(here + lead), _vec(fed), setpoint.yaw_rad), False
+        return Setpoint(vec3(here + lead), vec3(fed), setpoint.yaw_rad), False
 
 
 def _without_closing(lead: Float, fed: Float, units: Float, allowed: Float) -> tuple[Float, Float]:
@@ -368,7 +369,7 @@ class _Near:
         """Return a slow move away from what is nearest, or the hold where that is not free."""
         away = -self.units[int(self.distances.argmin())]
         lead, fed = 0.8 * away, RETREAT_MPS * away
-        move = Setpoint(_vec(self._here + lead), _vec(fed), hold.yaw_rad)
+        move = Setpoint(vec3(self._here + lead), vec3(fed), hold.yaw_rad)
         return move if self.path_clearance(move) > self.nearest_m + 0.2 else hold
 
 
@@ -382,7 +383,3 @@ def _within(place: Float, points: Float, reach_m: float) -> bool:
         return False
     apart = points - place
     return float(np.einsum("nk,nk->n", apart, apart).min()) <= reach_m * reach_m
-
-
-def _vec(values: Float) -> Vec3:
-    return (float(values[0]), float(values[1]), float(values[2]))

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from config.turbine import Turbine
 from mission.flight.observation import Vec3
 from mission.flight.sides import BladeFrame, blade_frame
+from perception.geometry import vec3
 from perception.values import Float
 
 STATIONS = 64
@@ -80,8 +81,8 @@ class RotorModel:
         reach = self.box_half[0] * self.box_axes[0]
         radius = math.hypot(self.box_half[1], self.box_half[2])
         return (
-            (_vec(self.tower_top_w), _vec(foot), top, base),
-            (_vec(self.box_centre_w - reach), _vec(self.box_centre_w + reach), radius, radius),
+            (vec3(self.tower_top_w), vec3(foot), top, base),
+            (vec3(self.box_centre_w - reach), vec3(self.box_centre_w + reach), radius, radius),
         )
 
     def _parts(self, points: Float) -> tuple[Float, Float]:
@@ -227,7 +228,3 @@ def _sections(frame: BladeFrame, turbine: Turbine) -> tuple[Float, Float, NDArra
     lead = np.cos(angles)[:, None] * frame.rotation_w + np.sin(angles)[:, None] * frame.upwind_w
     bend = prebend[:, None] * frame.pressure(frame.pitch_rad)
     return bend + ahead[:, None] * lead, -(ahead + behind)[:, None] * lead, half + inflation
-
-
-def _vec(values: Float) -> Vec3:
-    return float(values[0]), float(values[1]), float(values[2])

@@ -15,7 +15,7 @@ import numpy as np
 from config.airframe import Airframe
 from mission.flight.command import Setpoint
 from mission.flight.observation import Vec3
-from perception.geometry import wrap_angle
+from perception.geometry import vec3, wrap_angle
 from perception.values import Float
 
 STEP_M = 0.25
@@ -154,7 +154,7 @@ class Follower:
         here = np.array(position_w)
         if self._hold_w is None or np.linalg.norm(self._hold_w - here) > self._lead_m:
             self._hold_w = here
-        return Setpoint(_vec(self._hold_w), (0.0, 0.0, 0.0), self._turn(yaw_rad, dt_s))
+        return Setpoint(vec3(self._hold_w), (0.0, 0.0, 0.0), self._turn(yaw_rad, dt_s))
 
     def follow(
         self,
@@ -190,7 +190,7 @@ class Follower:
         velocity = tangent * (self._speed if self.left_m > 1e-3 else 0.0)
         if velocity_w is not None:
             velocity = velocity + self._back(lead, tangent, np.array(velocity_w), dt_s)
-        return Setpoint(_vec(point), _vec(velocity), self._turn(yaw_rad, dt_s))
+        return Setpoint(vec3(point), vec3(velocity), self._turn(yaw_rad, dt_s))
 
     def _back(self, lead: Float, tangent: Float, velocity: Float, dt_s: float) -> Float:
         """Return the velocity (3,) that is added to come back onto the line."""
@@ -243,7 +243,3 @@ class Follower:
     def face(self, yaw_rad: float) -> None:
         """Take the vehicle's real heading as the one last asked for."""
         self._yaw = yaw_rad
-
-
-def _vec(values: Float) -> Vec3:
-    return (float(values[0]), float(values[1]), float(values[2]))

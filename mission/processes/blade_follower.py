@@ -10,9 +10,10 @@ import numpy as np
 from config.photos import Positioning
 from config.turbine import Turbine
 from mission.flight.command import SensingTask
-from mission.flight.observation import BladeTrack, Vec3
+from mission.flight.observation import BladeTrack
 from perception.blade_line import SectionDepth, fit_blade_line, outside_cone
 from perception.clearance import Followed
+from perception.geometry import vec3
 from perception.values import Float
 
 #: Scans are joined over this time for the blade's line.
@@ -84,11 +85,11 @@ class BladeFollower:
         return BladeTrack(
             stamp_s=stamp_s,
             blade=task.blade,
-            foot_w=_vec(line.foot_w),
-            direction_w=_vec(line.direction_w),
+            foot_w=vec3(line.foot_w),
+            direction_w=vec3(line.direction_w),
             distance_m=line.distance_m,
             points_per_s=line.points / window_s,
-            offset_w=_vec(line.offset_w),
+            offset_w=vec3(line.offset_w),
             residual_m=line.residual_m,
             tip_m=line.tip_m,
         )
@@ -110,7 +111,3 @@ def _depth(turbine: Turbine | None, task: SensingTask) -> SectionDepth | None:
     round_m = np.where(np.asarray(blade.thickness) > ROUND_SECTION, half, round_m)
     ahead = chord * (axis if task.side == "LE" else 1.0 - axis) - round_m
     return SectionDepth(metre, ahead * np.cos(turned) + round_m, edge)
-
-
-def _vec(values: Float) -> Vec3:
-    return float(values[0]), float(values[1]), float(values[2])

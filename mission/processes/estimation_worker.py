@@ -15,11 +15,12 @@ from config.presets import turbines_of
 from config.turbine import Turbine
 from drivers.bus import Bus, Key
 from mission.flight.command import SensingMode, SensingTask
-from mission.flight.observation import BladeEstimate, HubPrior, RotorEstimate, Vec3
+from mission.flight.observation import BladeEstimate, HubPrior, RotorEstimate
 from mission.processes.runtime import Runtime, run_process
 from mission.processes.sensor_inbox import SensorInbox
 from perception.deskew import points_in_world
 from perception.estimator import RotorEstimator, rotor_estimator
+from perception.geometry import vec3
 from perception.hub_prior import SurveyResult, TowerSurvey
 from perception.rotor import Refusal, Rotor
 from perception.rotor_motion import RotorMotionWatch
@@ -194,11 +195,11 @@ def _with_side(result: SurveyResult, gathered: _Gathered, task: SensingTask) -> 
 def _prior(result: SurveyResult, turning: bool | None) -> HubPrior:
     return HubPrior(
         stamp_s=result.stamp_s,
-        tower_w=_vec(result.tower.foot_w),
-        tower_axis_w=_vec(result.tower.axis_w),
+        tower_w=vec3(result.tower.foot_w),
+        tower_axis_w=vec3(result.tower.axis_w),
         tower_top_m=result.tower.top_m,
-        hub_w=_vec(result.hub_w),
-        normal_w=None if result.normal_w is None else _vec(result.normal_w),
+        hub_w=vec3(result.hub_w),
+        normal_w=None if result.normal_w is None else vec3(result.normal_w),
         sigma_m=result.sigma_m,
         turning=turning,
     )
@@ -209,14 +210,14 @@ def rotor_estimate(answer: Rotor | Refusal, stamp_s: float, sequence: int) -> Ro
     if isinstance(answer, Refusal):
         return RotorEstimate(stamp_s, sequence, refusal=answer.code, refusal_text=answer.text)
     blades = tuple(
-        BladeEstimate(blade.name, _vec(blade.direction_w), blade.pitch_deg, blade.length_m)
+        BladeEstimate(blade.name, vec3(blade.direction_w), blade.pitch_deg, blade.length_m)
         for blade in answer.blades
     )
     return RotorEstimate(
         stamp_s=stamp_s,
         sequence=sequence,
-        hub_w=_vec(answer.hub_w),
-        normal_w=_vec(answer.normal_w),
+        hub_w=vec3(answer.hub_w),
+        normal_w=vec3(answer.normal_w),
         stop_angle_deg=answer.stop_angle_deg,
         sigma_deg=answer.sigma_deg,
         reference=answer.reference,
@@ -224,10 +225,6 @@ def rotor_estimate(answer: Rotor | Refusal, stamp_s: float, sequence: int) -> Ro
         cone_deg=answer.cone_deg,
         method=answer.method,
     )
-
-
-def _vec(values: Float) -> Vec3:
-    return float(values[0]), float(values[1]), float(values[2])
 
 
 async def estimate(runtime: Runtime) -> None:

@@ -33,7 +33,7 @@ from perception.deskew import points_in_world
 from perception.exposure import ExposureControl, exposure_control
 from perception.exposure_limits import EvSteps
 from perception.frame_check import FrameCheck
-from perception.geometry import camera_looking_along, rotation_from_quaternion
+from perception.geometry import camera_looking_along, rotation_from_quaternion, vec3
 from perception.metering import histogram_of
 from perception.values import CameraPose, Float, Frame, Scan
 from perception.warm_up import warm_up_tracking
@@ -123,7 +123,7 @@ class TrackingWorker:
             stamp_s=scan.stamp_s,
             sequence=scan.sequence,
             nearest_m=None if nearest is None else nearest[0],
-            nearest_w=None if nearest is None else _vec(nearest[1]),
+            nearest_w=None if nearest is None else vec3(nearest[1]),
             scan_rate_hz=rate_hz,
             repeated=repeated,
         )
@@ -233,10 +233,6 @@ class TrackingWorker:
             math.sin(gimbal.pitch_rad),
         )
         return CameraPose(stamp_s, eye_w, camera_looking_along(direction))
-
-
-def _vec(values: Float) -> Vec3:
-    return float(values[0]), float(values[1]), float(values[2])
 
 
 async def track(runtime: Runtime) -> None:
