@@ -59,6 +59,8 @@ class Vehicle:
     """What somebody last asked for, where the autopilot tells it: in a failsafe not the mode."""
     gyro_yaw_rad: float | None = None
     """The heading as the gyro alone has carried it on since the start; None: not told."""
+    gps_fix: int | None = None
+    """GPS_FIX_TYPE: 3 is 3D, 6 is RTK fixed; None: not told."""
     latitude_deg: float | None = None
     longitude_deg: float | None = None
     altitude_m: float | None = None

@@ -10,6 +10,7 @@ from mission.flight.command import Phase
 from mission.flight.events import Event
 from mission.flight.flight import Flight
 from mission.flight.observation import Observation, Vehicle
+from mission.flight.rotor_watch import RotorWatch
 from perception.rotor import RefusalCode
 
 SCAN_LOST_S = 10.0
@@ -48,6 +49,7 @@ class Watch:
         self._resets: int | None = None
         self._deaths: deque[float] = deque()
         self._alive = True
+        self._rotor_watch = RotorWatch()
 
     def update(self, flight: Flight, phase: Phase) -> set[Event]:
         """Return every event that is active at this tick."""
@@ -61,6 +63,8 @@ class Watch:
             active |= self._rotor(observation)
         if phase is Phase.TRACK or phase is Phase.HOLD:
             active |= self._camera(observation)
+        if phase is Phase.TRACK and self._rotor_watch.moved(flight):
+            active.add(Event.ROTOR_MOVED)
         active |= self._guard(observation)
         return active
 

@@ -1,0 +1,145 @@
+"""kill -9 of each process in turn, in each phase, in real processes."""
+
+from __future__ import annotations
+
+import contextlib
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import psutil
+
+from tests.faults.fault import Fault, Seen
+from tests.faults.rig import Rig
+
+PHASES = ("takeoff", "ascend", "approach", "estimate", "track", "return")
+SPEED = 2.0
+#: After a kill the vehicle has come to rest, wall seconds.
+REST_S = 6.0
+#: A hovering vehicle wanders by so much.
+WANDER_M = 1.0
+HELD = ("HOLD", "LAND")
+RESTARTED_S = 15.0
+
+
+@contextlib.contextmanager
+def rig():
+    with (
+        tempfile.TemporaryDirectory(prefix="bladescout-fault-") as name,
+        Rig(Path(name), speed=SPEED) as rig,
+    ):
+        yield rig.start()
+
+
+def come_to(rig, phase):
+    """Wait for a phase; the way home is taken by an abort."""
+    if phase == "return":
+        rig.phase("track")
+        rig.client.abort()
+    rig.phase(phase)
+    time.sleep(1.0)
+
+
+def left_alone(rig):
+    """Assert that the vehicle comes to rest by the autopilot alone, and stays; return the words."""
+    begun_s = rig.now_s()
+    rig.until(lambda: rig.trace()[-1]["mode"] in HELD, 30.0)
+    time.sleep(REST_S)
+    lines = [line for line in rig.trace() if line["mission_s"] >= begun_s]
+    assert lines[-1]["mode"] in HELD, "something moved by itself"
+    after = [line for line in lines if line["mission_s"] > begun_s + SPEED * REST_S / 2]
+    places = np.array([line["position_w"] for line in after])
+    wandered = float(np.linalg.norm(places - places[0], axis=1).max())
+    assert wandered <= WANDER_M, f"wandered by {wandered:.1f} m"
+    last_s = max((s["setpoint_s"] for s in lines if s["setpoint_s"] is not None), default=begun_s)
+    return max(0.0, last_s - begun_s)
+
+
+def family_of(rig):
+    daemon = psutil.Process(rig.daemon._process.pid)
+    return [daemon, *daemon.children(recursive=True)]
+
+
+def kill_in_each_phase(module):
+    """Kill a process without which no mission goes on, once in each phase; a mission each."""
+    silent_s, clearance_m = 0.0, np.inf
+    for phase in PHASES:
+        with rig() as one:
+            come_to(one, phase)
+            family = family_of(one)
+            victim = family[0] if module is None else one.process(module)
+            victim.kill()
+            silent_s = max(silent_s, left_alone(one))
+            if module is None:
+                left = psutil.wait_procs(family, timeout=10)[1]
+                assert left == [], f"orphans after a kill in {phase}: {left}"
+            else:
+                one.until(lambda one=one: one.process(module) is not None, RESTARTED_S)
+                idle = one.watcher.state.progress.phase
+                assert idle == "idle", f"{phase}: the flight process is back and {idle}"
+            clearance_m = min(clearance_m, one.finish()["min_clearance_m"] or np.inf)
+    words = (
+        f"{len(PHASES)} phases: held each time, stayed within {WANDER_M:.0f} m, nothing orphaned; "
+        f"the last setpoint {silent_s:.2f} s after"
+    )
+    return Seen(len(PHASES), clearance_m=clearance_m, end="held", figure=words)
+
+
+def kill_on_the_way(module):
+    """Kill a process that comes back, once in each phase of one mission; it goes on or home."""
+    with rig() as one:
+        killed, back_s = [], 0.0
+        for phase in PHASES:
+            if not _reached(one, phase):
+                continue
+            victim = one.process(module)
+            victim.kill()
+            killed.append(phase)
+            begun = time.monotonic()
+            one.until(lambda gone=victim.pid: _other(one, module, gone), RESTARTED_S)
+            back_s = max(back_s, time.monotonic() - begun)
+        state = str(one.over(900.0))
+        family = family_of(one)
+        truth = one.finish()
+    left = psutil.wait_procs(family, timeout=10)[1]
+    assert left == [], f"orphans: {left}"
+    assert {"takeoff", "ascend", "approach"} <= set(killed)
+    words = f"killed in {', '.join(killed)}: back within {back_s:.1f} s each time, nothing orphaned"
+    return Seen(
+        len(killed), one.names(), None, state, clearance_m=truth["min_clearance_m"], figure=words
+    )
+
+
+def _reached(one, phase):
+    """Wait for a phase, or for the end of the mission; return whether the phase came."""
+    later = PHASES[PHASES.index(phase) :]
+    one.phase(*later, "landed", "released", within_s=600.0)
+    return one.watcher.state.progress.phase == phase
+
+
+def _other(one, module, gone):
+    process = one.process(module)
+    return process is not None and process.pid != gone
+
+
+_ON_THE_WAY = "completed ended_safely"
+
+ROWS: tuple[Fault, ...] = (
+    Fault(15, "kill -9 of the sensing process, in each phase",
+          lambda: kill_on_the_way("mission.processes.sensing"), "scan_late sensing_dead", None,
+          _ON_THE_WAY, slow=True),
+    Fault(15, "kill -9 of the tracking worker, in each phase",
+          lambda: kill_on_the_way("mission.processes.tracking_worker"), "scan_late", None,
+          _ON_THE_WAY, slow=True),
+    Fault(15, "kill -9 of the estimation worker, in each phase",
+          lambda: kill_on_the_way("mission.processes.estimation_worker"), "", None,
+          _ON_THE_WAY, slow=True),
+    Fault(19, "kill -9 of the recorder, in each phase",
+          lambda: kill_on_the_way("mission.processes.recorder"), "recorder_died", None,
+          _ON_THE_WAY, slow=True),
+    Fault(19, "kill -9 of the flight process, in each phase",
+          lambda: kill_in_each_phase("mission.processes.flight"), "", None, "held", slow=True),
+    Fault(19, "kill -9 of the daemon's first process, in each phase",
+          lambda: kill_in_each_phase(None), "", None, "held", slow=True),
+)  # fmt: skip
