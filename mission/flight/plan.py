@@ -1,7 +1,8 @@
 """The inspection's plan: which legs, in which order and direction, and what cannot be seen.
 
 `plan_steps` works a slice per control tick, because a tick has milliseconds. The order is the
-shortest tour found over the ways of the roadmap (greedy from every start, then 2-opt).
+shortest tour found over the ways of the roadmap (greedy from every start, then 2-opt), the way
+home round the rotor counted in.
 """
 
 from __future__ import annotations
@@ -15,9 +16,11 @@ from scipy.sparse.csgraph import dijkstra
 
 from config.settings import Settings
 from config.turbine import Turbine
+from mission.flight.around import bearing_rad
 from mission.flight.passes import UPRIGHT, Leg, SidePass, plan_side
 from mission.flight.rotor_model import RotorModel
-from mission.flight.route import Roadmap, roadmap_steps
+from mission.flight.route import BEYOND_TIPS_M, OUTSIDE_COST, Roadmap, roadmap_steps
+from perception.geometry import wrap_angle
 from perception.values import Float
 
 WAY_GROUND_MARGIN_M = 10.0
@@ -42,8 +45,12 @@ def plan_steps(
     from_w: Float,
     ground_m: float,
     lean_w: Float = UPRIGHT,
+    home_w: Float | None = None,
 ) -> Iterator[Plan | None]:
-    """Plan the wanted (blade, side) pairs: yields None after each slice and, last, the plan."""
+    """Plan the wanted (blade, side) pairs: yields None after each slice and, last, the plan.
+
+    ``home_w``: (3,) where the flight ends; the last leg lies towards it.
+    """
     frames = {frame.name: frame for frame in model.frames}
     passes = []
     for blade, side in wanted:
@@ -60,7 +67,7 @@ def plan_steps(
     for found in _cost_steps(roadmap, legs, from_w):
         costs = found
         yield None
-    order = _order(costs, len(legs)) if costs is not None else []
+    order = _order(costs, _home_costs(model, legs, home_w)) if costs is not None else []
     flown = tuple(legs[leg] if forward else legs[leg].reversed() for leg, forward in order)
     yield Plan(model, roadmap, tuple(passes), flown)
 
@@ -122,17 +129,35 @@ def _cost_steps(roadmap: Roadmap, legs: list[Leg], from_w: Float) -> Iterator[Fl
     yield np.nan_to_num(np.concatenate(found), posinf=1e4)
 
 
-def _order(costs: Float, count: int) -> list[tuple[int, bool]]:
-    """Return (leg, flown as planned?) in the order of a short tour that begins at the start."""
+def _home_costs(model: RotorModel, legs: list[Leg], home_w: Float | None) -> Float:
+    """Return (2L,) how far round the rotor the way home leads from each end of each leg.
+
+    In metres of a way near the rotor, which takes longer.
+    """
+    ends = [leg.position(metre) for leg in legs for metre in (leg.photos[0], leg.photos[-1])]
+    if home_w is None:
+        return np.zeros(len(ends))
+    radius = model.rotor_radius_m + BEYOND_TIPS_M
+    home = bearing_rad(model.hub_w, home_w)
+    turns = [wrap_angle(bearing_rad(model.hub_w, end) - home) for end in ends]
+    return OUTSIDE_COST * radius * np.abs(turns)
+
+
+def _order(costs: Float, after: Float) -> list[tuple[int, bool]]:
+    """Return (leg, flown as planned?) in the order of a short tour that begins at the start.
+
+    ``after``: (2L,) what follows the last leg, by the end at which it ends.
+    """
+    count = len(after) // 2
     best: list[tuple[int, bool]] = []
     best_m = np.inf
     for first in range(count):
         for forward in (True, False):
             tour = _greedy(costs, count, (first, forward))
-            length = _length(costs, tour)
+            length = _length(costs, after, tour)
             if length < best_m:
                 best, best_m = tour, length
-    return _two_opt(costs, best)
+    return _two_opt(costs, after, best)
 
 
 def _entry(leg: tuple[int, bool]) -> int:
@@ -143,12 +168,12 @@ def _exit(leg: tuple[int, bool]) -> int:
     return 2 * leg[0] + (1 if leg[1] else 0)
 
 
-def _length(costs: Float, tour: list[tuple[int, bool]]) -> float:
+def _length(costs: Float, after: Float, tour: list[tuple[int, bool]]) -> float:
     here, total = len(costs) - 1, 0.0
     for leg in tour:
         total += float(costs[here, _entry(leg)])
         here = _exit(leg)
-    return total
+    return total + float(after[here]) if tour else 0.0
 
 
 def _greedy(costs: Float, count: int, first: tuple[int, bool]) -> list[tuple[int, bool]]:
@@ -165,9 +190,9 @@ def _greedy(costs: Float, count: int, first: tuple[int, bool]) -> list[tuple[int
     return tour
 
 
-def _two_opt(costs: Float, tour: list[tuple[int, bool]]) -> list[tuple[int, bool]]:
+def _two_opt(costs: Float, after: Float, tour: list[tuple[int, bool]]) -> list[tuple[int, bool]]:
     """Reverse stretches of the tour (and the legs in them) while that shortens it."""
-    length = _length(costs, tour)
+    length = _length(costs, after, tour)
     improved = True
     while improved:
         improved = False
@@ -175,7 +200,7 @@ def _two_opt(costs: Float, tour: list[tuple[int, bool]]) -> list[tuple[int, bool
             for j in range(i, len(tour)):
                 turned = [(leg, not forward) for leg, forward in reversed(tour[i : j + 1])]
                 other = tour[:i] + turned + tour[j + 1 :]
-                other_m = _length(costs, other)
+                other_m = _length(costs, after, other)
                 if other_m < length - 1e-6:
                     tour, length, improved = other, other_m, True
     return tour

@@ -166,6 +166,7 @@ class Estimate:
             flight.model, flight.turbine, flight.settings, _wanted(flight),
             flight.here_w, flight.ground_m,
             rotation_from_quaternion(flight.vehicle.quaternion_wb)[:, 2],
+            None if flight.home_w is None else np.array(flight.home_w),
         )  # fmt: skip
 
     def _plan(self, flight: Flight, intent: Intent) -> Intent:

@@ -7,7 +7,7 @@ from benchmarks.virtual_flight import Truth, true_model
 from config.presets import load_turbine
 from config.settings import Settings
 from mission.flight.footprint import footprint_m, photo_metres
-from mission.flight.plan import plan
+from mission.flight.plan import plan, plan_steps
 
 SETTINGS = Settings()
 RADIUS = SETTINGS.airframe.radius_m
@@ -42,6 +42,24 @@ def test_every_pass_is_clear_every_metre_flown_or_reasoned_and_every_way_clear(s
         out = found.roadmap.way_out(here)
         assert out is not None
         assert np.linalg.norm(out[-1] - model.hub_w) > model.rotor_radius_m + 12.0
+
+
+def test_the_last_leg_lies_towards_home():
+    turbine = load_turbine("windpact-1.5")
+    model = true_model(Truth(stop_angle_deg=0.0, pitch_deg=5.0), turbine)
+    start = model.hub_w - 20 * model.normal_w
+    wanted = [(blade, side) for blade in "ABC" for side in ("PS", "SS")]
+    home = model.hub_w + np.array([100.0, 0.0, -80.0])
+
+    def turn_home_deg(home_w):
+        *_, found = plan_steps(
+            model, turbine, SETTINGS, wanted, start, 0.0, home_w=home_w
+        )  # fmt: skip
+        leg = found.legs[-1]
+        east, north = (leg.position(leg.photos[-1]) - model.hub_w)[:2]
+        return abs(np.degrees(np.arctan2(north, east)))
+
+    assert turn_home_deg(home) < 30.0 < 90.0 < turn_home_deg(None)
 
 
 def test_the_way_out_that_is_homeward_ends_nearer_to_home_than_the_shortest():
