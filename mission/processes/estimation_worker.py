@@ -35,6 +35,8 @@ SIDE_MOVED_M = 3.0
 #: The vehicle stands still when it has moved by less over the poses kept (6 s).
 STEADY_M = 2.0
 QUICK_DPS = 2.0
+#: A rate that is found is no proof of a still rotor, however doubtful it is.
+STILL_DPS = 0.8
 
 _HUB_PRIOR = TypeAdapter(HubPrior)
 _ROTOR = TypeAdapter(RotorEstimate)
@@ -142,7 +144,7 @@ class EstimationWorker:
         # One look may err: a slow turn counts when it is seen again half a second later.
         if not motion.turning:
             gathered.turning_s = float("inf")
-            return False
+            return False if abs(motion.rate_dps) < STILL_DPS else None
         gathered.turning_s = min(gathered.turning_s, gathered.last_prior_s)
         return True if gathered.last_prior_s > gathered.turning_s else None
 
