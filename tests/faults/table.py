@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.faults import camera, host, kills, processes, sensing, vehicle
+from tests.faults import camera, host, kills, processes, recordings, sensing, vehicle
 from tests.faults.fault import Fault
 
 CASES = {
@@ -56,7 +56,15 @@ CASES = {
 
 FAULTS: tuple[Fault, ...] = tuple(
     sorted(
-        (*sensing.ROWS, *vehicle.ROWS, *camera.ROWS, *host.ROWS, *processes.ROWS, *kills.ROWS),
+        (
+            *sensing.ROWS,
+            *vehicle.ROWS,
+            *camera.ROWS,
+            *host.ROWS,
+            *processes.ROWS,
+            *kills.ROWS,
+            *recordings.ROWS,
+        ),
         key=lambda fault: fault.number,
     )
 )
