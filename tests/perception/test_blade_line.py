@@ -5,7 +5,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from perception.blade_line import fit_blade_line, outside_cone
+from perception.blade_line import SectionDepth, fit_blade_line, outside_cone
 
 ROOT = np.array([2.0, 5.0, 60.0])
 
@@ -127,3 +127,22 @@ def test_points_of_a_tower_beside_the_blade_are_left_out():
                         rng.uniform(40, 78, 500)], axis=1)  # fmt: skip
     left = outside_cone(np.concatenate([tower, hanging]), top, foot, (1.2 + 0.5, 2.0 + 0.5))
     assert np.array_equal(left, hanging)
+
+
+def test_an_edge_is_measured_at_its_nearest_skin_and_by_each_points_own_section():
+    """Seen edge-on, flanks go on behind the edge, and the chord tapers along the blade."""
+    rng = np.random.default_rng(5)
+    direction, view = frame(1.2, 0.3)
+    side, count = np.cross(direction, view), 2500
+    along = rng.uniform(8.0, 32.0, count)
+    ahead = np.interp(along, [8.0, 32.0], [2.4, 0.8])
+    behind = 0.5 * rng.random(count) ** 2
+    points = ROOT + along[:, None] * direction + (behind - ahead)[:, None] * view
+    points += 0.1 * rng.standard_normal((count, 1)) * side + rng.normal(0, 0.02, points.shape)
+    vehicle = ROOT + 20 * direction - 12 * view
+    metre = np.array([0.0, 8.0, 32.0, 40.0])
+    depth = SectionDepth(metre, np.array([2.4, 2.4, 0.8, 0.8]), edge=True)
+    line = fit_blade_line(points, vehicle, ROOT, ROOT + 40 * direction, 3.0, depth=depth)
+    assert line is not None
+    assert line.distance_m == pytest.approx(12.0, abs=0.06)
+    assert line.angle_rad < 0.01

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from perception.clearance import OccupancyMemory, RepeatedScans
+from perception.clearance import Followed, OccupancyMemory, RepeatedScans
 
 ORIGIN = np.zeros(3)
 
@@ -143,3 +143,17 @@ def test_one_doubled_scan_or_empty_ones_are_no_alarm():
     one = wall(1).astype(np.float32)
     assert not any([watch.update(one), watch.update(one), watch.update(wall(2).astype(np.float32))])
     assert not any(watch.update(np.empty((0, 3), np.float32)) for _ in range(20))
+
+
+def test_where_a_followed_blade_lay_earlier_nothing_is_left():
+    memory = OccupancyMemory()
+    blade = np.array([[10.0, 0.0, 0.1 * k] for k in range(100)])
+    pole = blade + np.array([0.0, 12.0, 0.0])
+    memory.update(np.concatenate([blade, pole]), 1.0, ORIGIN)
+    memory.update(blade + np.array([2.0, 0.0, 0.0]), 4.0, ORIGIN)
+    root, tip = np.array([11.0, 0.0, 0.0]), np.array([11.0, 0.0, 30.0])
+    found = memory.around(ORIGIN, 40.0, followed=Followed(root, tip, 4.0, 3.0))
+    assert set(np.round(found[np.abs(found[:, 1]) < 1, 0], 0)) == {12.0}
+    assert (found[:, 1] > 11).any()
+    everything = memory.around(ORIGIN, 40.0)
+    assert {10.0, 12.0} <= set(np.round(everything[:, 0], 0))

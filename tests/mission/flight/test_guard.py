@@ -232,3 +232,23 @@ def test_no_setpoint_passes_that_obeyed_for_ever_ends_nearer_than_the_clearance(
 def test_the_same_question_has_the_same_answer():
     asked = command((0.7, 0.2, 50.1), (0.4, 0.0, 0.1))
     assert check(asked, surroundings=wall_at(9.0)) == check(asked, surroundings=wall_at(9.0))
+
+
+def test_the_model_stands_where_the_position_has_drifted_to():
+    class Wall:
+        """Everything east of 10 m."""
+
+        def distance(self, points_w):
+            return 10.0 - np.atleast_2d(points_w)[:, 0]
+
+        def nearest(self, point_w):
+            gap = 10.0 - point_w[0]
+            return np.array([gap]), point_w[None] + np.array([gap, 0.0, 0.0])
+
+    asked = command((0.2, 0.0, 50.0))
+    before = check(asked, space=airspace(model=Wall()))
+    assert not before.refused
+    assert before.clearance_m == pytest.approx(10.0 - RADIUS)
+    drifted = check(asked, space=airspace(model=Wall(), drift_w=np.array([-2.0, 0.0, 0.0])))
+    assert drifted.clearance_m == pytest.approx(8.0 - RADIUS)
+    assert drifted.refused

@@ -79,3 +79,23 @@ def test_a_path_of_one_point_does_not_move():
     sent, position, _ = fly([(5, 5, 5), (5, 5, 5)], 2.0, limit_s=1.0)
     assert position == pytest.approx([5, 5, 5])
     assert all(np.isfinite(p).all() and np.isfinite(v).all() for p, v, _ in sent)
+
+
+def pushed(firm, seconds=12.0):
+    """Fly along a line under a gust from the side; return the largest distance from it."""
+    follower, airframe = Follower(Airframe(), 1.0), Airframe()
+    follower.start(Path(np.array([(0.0, 0, 50), (40.0, 0, 50)]), 2.0, airframe))
+    position, velocity, off = np.array([0.0, 0, 50]), np.zeros(3), []
+    for tick in range(round(seconds / DT)):
+        told = tuple(velocity) if firm else None
+        setpoint = follower.follow(tuple(position), 0.0, DT, velocity_w=told)
+        wanted = 0.95 * (np.array(setpoint.position_w) - position) + setpoint.velocity_w
+        gust = np.array([0.0, 0.8 if 4 < tick * DT < 8 else 0.0, 0.0])
+        velocity = velocity + DT * (1.8 * (wanted - velocity) + gust)
+        position = position + DT * velocity
+        off.append(abs(position[1]))
+    return max(off)
+
+
+def test_where_the_lidar_sees_the_line_a_gust_moves_the_vehicle_half_as_far_from_it():
+    assert pushed(firm=True) < 0.55 * pushed(firm=False)
