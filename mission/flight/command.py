@@ -125,6 +125,8 @@ class SensingTask:
     blade_tip_w: Vec3 | None = None
     half_width_m: float = 3.0
     """Points within this distance of the modelled axis belong to the blade."""
+    blind: bool = False
+    """The LiDAR cannot look at this side: what it finds near the blade is something else."""
     others: tuple[tuple[Vec3, Vec3, float, float], ...] = ()
     """Solids that are not blades, as truncated cones (end, end, radius at each, metres)."""
 

@@ -329,9 +329,16 @@ class Flight:
         )
 
     def sense_blade(
-        self, blade: str, side: str, root_w: Float, tip_w: Float, half_width_m: float
+        self,
+        blade: str,
+        side: str,
+        root_w: Float,
+        tip_w: Float,
+        half_width_m: float,
+        *,
+        blind: bool = False,
     ) -> None:
-        """Let sensing find the blade near its modelled axis."""
+        """Let sensing find the blade near its modelled axis; ``blind``: only the camera sees it."""
         self.task = SensingTask(
             mode=SensingMode.BLADE,
             task_id=self.task.task_id + 1,
@@ -344,6 +351,7 @@ class Flight:
             blade_root_w=vec3(root_w),
             blade_tip_w=vec3(tip_w),
             half_width_m=half_width_m,
+            blind=blind,
             others=() if self.model is None else self.model.not_blades(),
         )
 

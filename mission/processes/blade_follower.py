@@ -65,7 +65,7 @@ class BladeFollower:
         self._recent.append((stamp_s, points_w))
         while self._recent and stamp_s - self._recent[0][0] > BLADE_WINDOW_S:
             self._recent.popleft()
-        if task.blade_root_w is None or task.blade_tip_w is None:
+        if task.blade_root_w is None or task.blade_tip_w is None or task.blind:
             return None
         joined = np.concatenate([points for _, points in self._recent])
         for end_w, other_w, radius_m, other_radius_m in task.others:

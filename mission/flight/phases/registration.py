@@ -81,14 +81,10 @@ class Registration:
         self.shift_w = self.drift_w
 
     def fresh(self, flight: Flight, leg: Leg) -> bool:
-        """Return whether the newest track is of this blade, recent, and measured.
-
-        Where the LiDAR cannot look at the blade, what it finds near it is something else.
-        """
+        """Return whether the newest track is of this blade, recent, and measured."""
         track = flight.observation.blade
         return (
             track is not None
-            and not leg.blind
             and track.blade == leg.blade
             and not track.from_model
             and flight.now_s - track.stamp_s < FRESH_S

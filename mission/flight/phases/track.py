@@ -140,7 +140,8 @@ class Track:
         self._registration.begin(leg.blade)
         tip = leg.root_w + leg.length_m * leg.axis_w
         chord = max(flight.turbine.blade.chord_m)
-        flight.sense_blade(leg.blade, leg.side, leg.root_w, tip, half_width_m=chord + 1.0)
+        width = chord + 1.0
+        flight.sense_blade(leg.blade, leg.side, leg.root_w, tip, width, blind=leg.blind)
         words = "again " if leg.again else ""
         flight.note("pass", f"{words}{leg.blade} {leg.side}, {len(photos)} photos")
 
