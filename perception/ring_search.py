@@ -42,5 +42,5 @@ def search_rings(
 
     ``centres_w``: (N, 3), Q_s; a point is occupied where it falls into an occupied cell.
     """
-    offsets = ring_offsets(normal_w, radius_m, step_m)
-    return offsets, grid.occupied_on_rings(centres_w, offsets)
+    ring = ring_offsets(normal_w, radius_m, step_m)
+    return ring, grid.occupied_on_rings(centres_w, normal_w, ring)

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.values import Float
-from perception.voxel_hash import compiled
+from perception.voxel_hash import Int64, compiled
 
-HYPOTHESES = 256
+HYPOTHESES, ROUNDS = 256, 3
 #: Hypotheses are judged on at most this many points; the refinement uses all.
 JUDGES = 1000
 
@@ -46,46 +46,85 @@ def fit_rotor_plane(
     if len(points_w) < min_inliers:
         return None
     rng = np.random.default_rng(len(points_w))
-    judges = points_w[rng.permutation(len(points_w))[:JUDGES]]
-    triples = judges[rng.integers(0, len(judges), (HYPOTHESES, 3))]
-    normals = np.cross(triples[:, 1] - triples[:, 0], triples[:, 2] - triples[:, 0])
-    size = np.linalg.norm(normals, axis=1)
-    # A sliver of a triangle knows no normal.
-    edges = np.linalg.norm(triples[:, 1] - triples[:, 0], axis=1)
-    usable = (size > 1.0) & (edges > 1.0)
-    usable &= np.abs(normals[:, 2]) < math.sin(math.radians(max_lean_deg)) * np.maximum(size, 1e-9)
-    if not usable.any():
+    points = np.ascontiguousarray(points_w, np.float64)
+    judges = points
+    if len(points) > JUDGES:
+        judges = points[rng.choice(len(points), JUDGES, replace=False, shuffle=False)]
+    triples = rng.integers(0, len(judges), (HYPOTHESES, 3))
+    steepest = math.sin(math.radians(max_lean_deg))
+    normal, offset, most = _most_supported(judges, triples, steepest, threshold_m)
+    if most < 0:
         return None
-    normals = normals[usable] / size[usable, None]
-    offsets = np.einsum("ij,ij->i", normals, triples[usable, 0])
-    best = int(_most_supported(judges, normals, offsets, threshold_m))
-    normal, offset = normals[best], float(offsets[best])
-
-    inlier = np.abs(points_w @ normal - offset) < threshold_m
-    for _ in range(3):
-        if int(inlier.sum()) < min_inliers:
+    for _ in range(ROUNDS):
+        inliers, centre, spread = _gathered(points, normal, offset, threshold_m)
+        if inliers < min_inliers:
             return None
-        centre = points_w[inlier].mean(axis=0)
-        spread = points_w[inlier] - centre
-        normal = np.linalg.eigh(spread.T @ spread)[1][:, 0]
-        inlier = np.abs((points_w - centre) @ normal) < threshold_m
-    if abs(normal[2]) > math.sin(math.radians(max_lean_deg)):
+        normal = np.ascontiguousarray(np.linalg.eigh(spread)[1][:, 0])
+        offset = float(centre @ normal)
+    inliers, centre, _ = _gathered(points, normal, offset, threshold_m)
+    if abs(normal[2]) > steepest:
         return None
     if normal @ (centre - viewpoint_w) < 0:
         normal = -normal
-    return RotorPlane(centre, normal, int(inlier.sum()))
+    return RotorPlane(centre, normal, inliers)
 
 
 @compiled
-def _most_supported(judges: Float, normals: Float, offsets: Float, threshold: float) -> int:
-    """Return which plane has the most judges (N, 3) near it."""
-    best, most = 0, -1
-    for k in range(len(normals)):
+def _most_supported(
+    judges: Float, triples: Int64, steepest: float, threshold: float
+) -> tuple[Float, float, int]:
+    """Return normal (3,) and offset of the upright plane through three judges with most near it.
+
+    And how many those are, -1 where no three judges span an upright plane.
+
+    ``judges``: (N, 3); ``triples``: (K, 3) their numbers; ``steepest``: sine of the most lean.
+    """
+    normal, offset, most = np.zeros(3), 0.0, -1
+    for t in range(len(triples)):
+        p = judges[triples[t, 0]]
+        x, y = judges[triples[t, 1]] - p, judges[triples[t, 2]] - p
+        a, b, c = x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]
+        size = math.sqrt(a * a + b * b + c * c)
+        # A sliver of a triangle knows no normal.
+        if size <= 1.0 or x[0] * x[0] + x[1] * x[1] + x[2] * x[2] <= 1.0:
+            continue
+        a, b, c = a / size, b / size, c / size
+        if abs(c) >= steepest:
+            continue
+        d = a * p[0] + b * p[1] + c * p[2]
         count = 0
-        a, b, c, d = normals[k, 0], normals[k, 1], normals[k, 2], offsets[k]
         for n in range(len(judges)):
             off = judges[n, 0] * a + judges[n, 1] * b + judges[n, 2] * c - d
             count += -threshold < off < threshold
         if count > most:
-            best, most = k, count
-    return best
+            normal[0], normal[1], normal[2] = a, b, c
+            offset, most = d, count
+    return normal, offset, most
+
+
+@compiled
+def _gathered(
+    points: Float, normal: Float, offset: float, threshold: float
+) -> tuple[int, Float, Float]:
+    """Return how many points lie near a plane, their centre (3,) and their spread (3, 3)."""
+    count, first = 0, np.zeros(3)
+    total, square = np.zeros(3), np.zeros((3, 3))
+    away = np.zeros(3)
+    for n in range(len(points)):
+        off = points[n, 0] * normal[0] + points[n, 1] * normal[1] + points[n, 2] * normal[2]
+        if not -threshold < off - offset < threshold:
+            continue
+        if count == 0:
+            first[:] = points[n]
+        count += 1
+        for a in range(3):
+            away[a] = points[n, a] - first[a]
+            total[a] += away[a]
+            for b in range(a + 1):
+                square[a, b] += away[a] * away[b]
+    mean = total / max(count, 1)
+    for a in range(3):
+        for b in range(a + 1):
+            square[a, b] -= count * mean[a] * mean[b]
+            square[b, a] = square[a, b]
+    return count, first + mean, square

@@ -25,7 +25,8 @@ from perception.fermat_point import (
     fermat_hub,
 )
 from perception.geometry import stop_angle_difference_deg
-from perception.grid_map import GridMap, Tube
+from perception.grid_kernel import Tube
+from perception.grid_map import GridMap
 from perception.ring_search import search_points, search_rings
 from perception.rotor import (
     Blade,
@@ -38,6 +39,7 @@ from perception.rotor import (
 )
 from perception.rotor_plane import fit_rotor_plane
 from perception.values import Float
+from perception.voxel_hash import compiled
 
 DOWN_W: Float = np.array([0.0, 0.0, -1.0])
 #: Nothing nearer to the drone than this is a blade.
@@ -47,6 +49,8 @@ REACH_M = 20.0
 #: Clouds that M_g is made of, and how far the hub may move before it is begun anew.
 MOST_CLOUDS = 8
 ANEW_M = 4.0
+#: Rings that move by less than this are still within the cells carved before.
+SPARE_M = 0.5
 #: Mean error of one pass as measured (and printed: 1.15 deg).
 SIGMA_DEG = 1.4
 #: Arms of a right triangle, as shares of the ring's radius: the hub lies inside the ring.
@@ -61,6 +65,7 @@ class FermatEstimator:
         self._settings = settings
         self._agree_deg = agree_deg
         self._grid: GridMap | None = None
+        self._tube: Tube | None = None
         self._clouds: list[tuple[Float, Float]] = []
         self._first_hub_w: Float = np.zeros(3)
         self._last: Rotor | None = None
@@ -84,9 +89,7 @@ class FermatEstimator:
         ``prior_hub_w``: (3,) p_h^0; ``down_w``: what the angle is measured from.
         """
         self.iterations += 1
-        points, origins = _finite(points_w, origins_w)
-        if len(points):
-            points, origins = self._in_window(points, origins, prior_hub_w)
+        points, origins = self._in_window(points_w, origins_w, prior_hub_w)
         if len(points) < 60:
             return self._refuse(RefusalCode.NO_POINTS, f"{len(points)} points near the prior hub")
         viewpoint = origins.mean(axis=0)
@@ -99,15 +102,20 @@ class FermatEstimator:
             return self._refuse(found.code, found.text)
         return self._accept(found, plane.normal_w, down_w, reference, stamp_s, len(points))
 
-    def _in_window(self, points: Float, origins: Float, hub_w: Float) -> tuple[Float, Float]:
+    def _in_window(self, points_w: Float, origins_w: Float, hub_w: Float) -> tuple[Float, Float]:
         """Keep what lies in the horizontal window towards the prior hub, and round it."""
-        ray, towards = points - origins, hub_w - origins
-        turn = np.arctan2(ray[:, 1], ray[:, 0]) - np.arctan2(towards[:, 1], towards[:, 0])
-        turn = np.abs((turn + np.pi) % (2 * np.pi) - np.pi)
-        keep = turn <= math.radians(self._settings.window_deg / 2)
-        keep &= np.linalg.norm(ray, axis=1) > NEAREST_M
-        keep &= np.linalg.norm(points - hub_w, axis=1) < REACH_M
-        return points[keep], origins[keep]
+        points = np.ascontiguousarray(np.asarray(points_w, np.float64).reshape(-1, 3))
+        origins = np.asarray(origins_w, np.float64)
+        if not len(points):
+            return points, np.zeros((1, 3))
+        if origins.ndim == 1 or origins.strides[0] == 0:  # one place, told once or for each point
+            origins = origins.reshape(-1, 3)[:1]
+        half_rad = math.radians(self._settings.window_deg / 2)
+        kept: tuple[Float, Float] = _near(
+            points, np.ascontiguousarray(origins), np.array(hub_w, np.float64), half_rad,
+            NEAREST_M, REACH_M,
+        )  # fmt: skip
+        return kept
 
     def _hub_before(self, prior_hub_w: Float) -> Float:
         """Return p_h^(i-1): the last pass's hub, unless the prior has left it behind."""
@@ -119,7 +127,8 @@ class FermatEstimator:
     def _fused(self, tube: Tube, hub_w: Float, points: Float, origins: Float) -> GridMap:
         """Return M_g with this cloud and those before it, in the cells that rings can meet.
 
-        The rings move with the hub from pass to pass, so earlier clouds are fused anew.
+        The rings move with the hub: where they leave the cells that were carved, the clouds
+        remembered are fused anew; else this one is added.
         """
         if self._clouds and float(np.abs(self._first_hub_w - hub_w).max()) > ANEW_M:
             self._clouds.clear()
@@ -129,11 +138,14 @@ class FermatEstimator:
         grid = self._grid
         if grid is None:
             half_m = self._settings.ring_radius_m + 10.0
-            grid = GridMap(hub_w, half_m=half_m, resolution_m=self._settings.voxel_m)
+            grid = self._grid = GridMap(hub_w, half_m=half_m, resolution_m=self._settings.voxel_m)
+        if len(self._clouds) > 1 and self._tube is not None and self._tube.holds(tube):
+            grid.fuse(points, origins, self._tube)
+            return grid
+        self._tube = tube._replace(margin_m=tube.margin_m + SPARE_M)
         grid.restart(hub_w)
         for cloud in self._clouds:
-            grid.fuse(*cloud, tube)
-        self._grid = grid
+            grid.fuse(*cloud, self._tube)
         return grid
 
     def _search(
@@ -222,8 +234,34 @@ def stop_angle_deg(blade_directions_w: Float, normal_w: Float, down_w: Float) ->
     return 0.0 if angle >= 120.0 else angle
 
 
-def _finite(points_w: Float, origins_w: Float) -> tuple[Float, Float]:
-    points = np.asarray(points_w, np.float64).reshape(-1, 3)
-    origins = np.broadcast_to(np.asarray(origins_w, np.float64), points.shape)
-    keep = (np.abs(points) < 1e5).all(axis=1) & (np.abs(origins) < 1e5).all(axis=1)
-    return points[keep], origins[keep]
+@compiled
+def _near(
+    points: Float, origins: Float, hub: Float, half_rad: float, nearest: float, reach: float
+) -> tuple[Float, Float]:
+    """Return the finite points (M, 3) towards and round a hub, and their origins, (M, 3) or (1, 3).
+
+    ``origins``: (N, 3), or (1, 3) for all; ``half_rad``: of the horizontal window.
+    """
+    each = len(origins) > 1
+    kept, kept_origins = np.empty_like(points), np.empty((len(points) if each else 1, 3))
+    kept_origins[0] = origins[0]
+    cosine, used = math.cos(min(half_rad, math.pi)), 0
+    for n in range(len(points)):
+        o = n if each else 0
+        x, y, z = points[n, 0], points[n, 1], points[n, 2]
+        u, v = x - origins[o, 0], y - origins[o, 1]
+        range2 = u * u + v * v + (z - origins[o, 2]) ** 2
+        # Comparisons with NaN are false.
+        if not (range2 > nearest * nearest and range2 < 1e10):
+            continue
+        off2 = (x - hub[0]) ** 2 + (y - hub[1]) ** 2 + (z - hub[2]) ** 2
+        if off2 >= reach * reach:
+            continue
+        s, t = hub[0] - origins[o, 0], hub[1] - origins[o, 1]
+        if u * s + v * t < cosine * math.sqrt((u * u + v * v) * (s * s + t * t)):
+            continue
+        kept[used, 0], kept[used, 1], kept[used, 2] = x, y, z
+        if each:
+            kept_origins[used] = origins[o]
+        used += 1
+    return kept[:used].copy(), kept_origins[: used if each else 1].copy()

@@ -1,8 +1,10 @@
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from perception.grid_map import GridMap, Tube
+from perception.grid_kernel import Tube
+from perception.grid_map import GridMap
 from perception.ring_search import search_points, search_rings
 
 
@@ -29,7 +31,7 @@ def test_a_ray_frees_what_it_passes_and_fills_where_it_ends(start, end):
         middle = inside[len(inside) // 2]
         cell = np.floor(middle / 0.2)
         centre = (cell + 0.5) * 0.2
-        assert one._log_odds[tuple((cell + 25).astype(int))] <= 0 or not one.occupied(centre)
+        assert one.log_odds(centre) <= 0.0
 
 
 def test_fog_that_later_rays_pass_through_vanishes():
@@ -87,3 +89,27 @@ def test_a_map_begun_anew_knows_nothing():
     one.fuse(np.array([[0.1, 0.1, 0.1]]), np.array([-10.0, 0.1, 0.1]))
     one.restart(np.zeros(3))
     assert not one.occupied(np.array([0.1, 0.1, 0.1]))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_rings_meet_the_cells_that_a_look_at_each_of_their_places_finds(seed):
+    rng = np.random.default_rng(seed)
+    axis = rng.normal(size=3)
+    axis /= np.linalg.norm(axis)
+    one = GridMap(np.zeros(3), half_m=8.0, resolution_m=0.2)
+    for _ in range(2):
+        one.fuse(rng.normal(0, 3.0, (6000, 3)), -14.0 * axis)
+    centres = search_points(-5.0 * axis, axis, 0.17, 50)
+    ring, found = search_rings(one, centres, axis, 4.0, 0.13)
+    assert found.sum() > 200
+    np.testing.assert_array_equal(found, one.occupied(centres[:, None, :] + ring))
+
+
+def test_returns_of_one_cell_carve_as_often_as_there_are_returns():
+    one, other = grid(), grid()
+    start, end = np.array([-4.0, 0.1, 0.1]), np.array([4.1, 0.1, 0.1])
+    one.fuse(np.repeat(end[None], 3, axis=0), start)
+    for _ in range(3):
+        other.fuse(end[None], start)
+    middle = np.array([0.1, 0.1, 0.1])
+    assert one.log_odds(middle) == other.log_odds(middle) < -1.0
