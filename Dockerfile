@@ -22,16 +22,18 @@ RUN pip install --no-deps --no-build-isolation . \
        import-linter grimp scipy-stubs types-protobuf types-psutil setuptools pip
 
 FROM python:3.11-slim
-# What Open3D links; its libusb comes with a wheel.
+# What Open3D links; its libusb comes with a wheel. Debian keeps no old versions to pin.
+# hadolint ignore=DL3008
 RUN apt-get update \
     && apt-get install --yes --no-install-recommends libegl1 libgl1 libgomp1 libx11-6 \
     && rm -rf /var/lib/apt/lists/* \
-    && useradd --system --create-home --home-dir /var/lib/bladescout bladescout \
-    && mkdir /var/lib/bladescout/missions \
-    && chown bladescout: /var/lib/bladescout/missions
+    && useradd --system --uid 10001 --user-group --create-home \
+       --home-dir /var/lib/bladescout bladescout \
+    && mkdir /var/lib/bladescout/missions /var/lib/bladescout/field \
+    && chown bladescout: /var/lib/bladescout/missions /var/lib/bladescout/field
 COPY --from=build /opt/bladescout /opt/bladescout
 ENV PATH=/opt/bladescout/bin:$PATH PYTHONUNBUFFERED=1
-USER bladescout
+USER 10001
 WORKDIR /var/lib/bladescout
 VOLUME /var/lib/bladescout/missions
 STOPSIGNAL SIGTERM

@@ -45,6 +45,8 @@ def field(
     world_dir = out / "world"
     try:
         world_dir.mkdir(parents=True, exist_ok=True)
+        # Whoever waits for the settings waits for this world's, not for those of the one before.
+        (out / "drone.toml").unlink(missing_ok=True)
     except OSError as error:
         end(Exit.CONFIGURATION, f"{out}: no folder can be made there: {error.strerror}")
     signal.signal(signal.SIGTERM, signal.default_int_handler)
