@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from mission.cli.exits import Exit, end
+from mission.cli.replay_own import needs_poses, replay_own
 
 if TYPE_CHECKING:
     from config.settings import Settings
@@ -23,7 +24,12 @@ Part = Literal["all", "commands", "estimates"]
 
 
 def replay(
-    mission: Annotated[Path, typer.Argument(help="A mission folder, or its recording.mcap.")],
+    mission: Annotated[
+        Path,
+        typer.Argument(
+            help="A mission folder, or its recording.mcap; or LVX2, PCAP, PCAPNG of one's own."
+        ),
+    ],
     method: Annotated[
         str | None, typer.Option(help="What another estimation.method would have found.")
     ] = None,
@@ -32,21 +38,42 @@ def replay(
         typer.Option("--set", help="What another setting would have done: section.key=value."),
     ] = None,
     only: Annotated[Part, typer.Option(help="Replay only this.")] = "all",
+    poses: Annotated[
+        Path | None,
+        typer.Option(help="One's own data: where the body was (as estimate reads it, or a .ulg)."),
+    ] = None,
+    time_offset: Annotated[
+        float | None, typer.Option(help="One's own data: seconds from its times to the poses'.")
+    ] = None,
+    turbine: Annotated[
+        str | None, typer.Option(help="One's own data: type of the turbine, of config/turbines.")
+    ] = None,
+    scale: Annotated[float, typer.Option(help="Of the type's lengths.")] = 1.0,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
 ) -> None:
     """Compute a recorded mission again: commands tick by tick, then estimates and exposure.
 
     Exits 6 with the first difference. With --method or --set it tells what would have been
     otherwise, on the same recorded observations, and exits 0.
+
+    Of a MID-360's recording of one's own with poses it tells what the workers of a mission would
+    have said scan by scan: clearance, and each second the rotor.
     """
     from config.errors import ConfigError
     from mission.replay.commands import replay_commands
+    from mission.replay.own_data import RECORDINGS, OwnData
     from mission.replay.perception import replay_perception
     from mission.replay.recorded import NotARecording, RecordedMission
 
     changes = list(overrides or ())
     if method is not None:
         changes.append(f"estimation.method={method}")
+    if mission.suffix.lower() in RECORDINGS:
+        if poses is None:
+            needs_poses(mission)
+        own = OwnData(mission, poses, time_offset, turbine, scale)
+        replay_own(own, changes, as_json=as_json)
+        return
     commands: CommandReplay | None = None
     estimates: PerceptionReplay | None = None
     try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -69,14 +69,35 @@ def load_cloud(
     return PlacedCloud(cloud, file.notes)
 
 
-def _by_poses(
+@dataclass(frozen=True, slots=True, eq=False)
+class SensorPoints:
+    """A recording as its sensor saw it, with what puts it into the world."""
+
+    points_l: Float
+    """(N, 3) metres, of the sensor as ``lidar`` has it mounted."""
+    time_s: Float
+    """(N,) on the clock of the poses, rising."""
+    poses: Sequence[Pose]
+    lidar: Lidar
+    notes: tuple[str, ...]
+
+
+def load_sensor_points(
+    path: Path, poses_path: Path, lidar: Lidar, time_offset_s: float | None = None
+) -> SensorPoints:
+    """Return the usable points of a recording in the sensor's frame; raise `BadFile`."""
+    poses = read_poses(poses_path)
+    return _sensor_points(path, read_cloud(path), poses_path, poses, lidar, time_offset_s)
+
+
+def _sensor_points(
     path: Path,
     file: CloudFile,
     poses_path: Path,
     poses: Sequence[Pose],
     lidar: Lidar,
     time_offset_s: float | None,
-) -> PlacedCloud:
+) -> SensorPoints:
     points, mounted = file.points, lidar
     if file.mounting is not None:
         rotation, offset = file.mounting
@@ -85,15 +106,29 @@ def _by_poses(
             update={"nose_down_deg": 0.0, "offset_m": tuple(float(v) for v in offset)}
         )
     time_s = _pose_times(path, file, poses_path, poses, time_offset_s)
-    usable = np.isfinite(points).all(axis=1) & _covered(time_s, poses)
+    covered = _covered(time_s, poses)
+    usable = np.isfinite(points).all(axis=1) & covered
     notes = list(file.notes)
-    lost = 1.0 - float(_covered(time_s, poses).mean()) if len(time_s) else 0.0
+    lost = 1.0 - float(covered.mean()) if len(time_s) else 0.0
     if lost > 0.005:
         notes.append(f"{poses_path}: {lost:.0%} of the points have no pose near in time; left out")
     if file.trusted is not None:
         usable &= file.trusted
-    placed = _deskewed(points[usable], time_s[usable], poses, mounted)
-    return PlacedCloud(placed, tuple(notes))
+    points, time_s = points[usable], time_s[usable]
+    order = np.argsort(time_s, kind="stable")
+    return SensorPoints(points[order], time_s[order], poses, mounted, tuple(notes))
+
+
+def _by_poses(
+    path: Path,
+    file: CloudFile,
+    poses_path: Path,
+    poses: Sequence[Pose],
+    lidar: Lidar,
+    time_offset_s: float | None,
+) -> PlacedCloud:
+    found = _sensor_points(path, file, poses_path, poses, lidar, time_offset_s)
+    return PlacedCloud(_deskewed(found), found.notes)
 
 
 def _pose_times(
@@ -139,21 +174,17 @@ def _covered(time_s: Float, poses: Sequence[Pose]) -> NDArray[np.bool_]:
     return np.asarray(near | (inside & (right - left <= MAX_GAP_S)), np.bool_)
 
 
-def _deskewed(points_l: Float, time_s: Float, poses: Sequence[Pose], lidar: Lidar) -> RecordedCloud:
-    """Return the points each put where the sensor stood at its time, part by part."""
-    order = np.argsort(time_s, kind="stable")
-    points_l, time_s = points_l[order], time_s[order]
-    stamps = np.array([pose.stamp_s for pose in poses])
-    empty: Float = np.zeros((0, 3))
-    clouds, origins, times = [empty], [empty], [np.zeros(0)]
-    begins = np.unique(np.floor((time_s - time_s[0]) / PART_S)) if len(time_s) else []
+def scans_of(found: SensorPoints, part_s: float) -> Iterator[Scan]:
+    """Yield a recording cut into scans of so many seconds; empty ones are left out."""
+    points_l, time_s = found.points_l, found.time_s
+    begins = np.unique(np.floor((time_s - time_s[0]) / part_s)) if len(time_s) else []
     for begin in begins:
-        low = np.searchsorted(time_s, time_s[0] + begin * PART_S)
-        high = np.searchsorted(time_s, time_s[0] + (begin + 1) * PART_S)
+        low = np.searchsorted(time_s, time_s[0] + begin * part_s)
+        high = np.searchsorted(time_s, time_s[0] + (begin + 1) * part_s)
         if low == high:
             continue
         end_s = float(time_s[high - 1])
-        scan = Scan(
+        yield Scan(
             stamp_s=end_s,
             sequence=int(begin),
             points_l=points_l[low:high].astype(np.float32),
@@ -161,14 +192,20 @@ def _deskewed(points_l: Float, time_s: Float, poses: Sequence[Pose], lidar: Lida
             reflectivity=np.zeros(high - low, np.uint8),
             tag=np.zeros(high - low, np.uint8),
         )
-        about = poses[
-            max(0, int(np.searchsorted(stamps, time_s[low])) - 1) : int(
-                np.searchsorted(stamps, end_s)
-            )
-            + 2
-        ]
-        world, origin = points_in_world(scan, about, lidar)
+
+
+def _deskewed(found: SensorPoints) -> RecordedCloud:
+    """Return the points each put where the sensor stood at its time, part by part."""
+    poses = found.poses
+    stamps = np.array([pose.stamp_s for pose in poses])
+    empty: Float = np.zeros((0, 3))
+    clouds, origins, times = [empty], [empty], [np.zeros(0)]
+    for scan in scans_of(found, PART_S):
+        first_s = scan.stamp_s - float(scan.age_s.max())
+        low = max(0, int(np.searchsorted(stamps, first_s)) - 1)
+        about = poses[low : int(np.searchsorted(stamps, scan.stamp_s)) + 2]
+        world, origin = points_in_world(scan, about, found.lidar)
         clouds.append(world)
         origins.append(origin)
-        times.append(np.full(len(world), end_s))
+        times.append(np.full(len(world), scan.stamp_s))
     return RecordedCloud(np.concatenate(clouds), np.concatenate(origins), np.concatenate(times))

@@ -19,6 +19,7 @@ from mission.processes.sensor_inbox import Worker
 from mission.processes.tracking_worker import TrackingWorker
 from mission.remote.messages import VehicleMessage
 from mission.replay.recorded import Recorded
+from perception.values import Scan
 
 #: What each worker publishes that a recording is compared by.
 OF_WORKER: dict[Worker, tuple[str, ...]] = {
@@ -145,4 +146,8 @@ class FedWorker:
             scan = decode_scan(what.payload, attachment)
         except BadMessage:
             return
+        self.take_scan(scan)
+
+    def take_scan(self, scan: Scan) -> None:
+        """Have the worker take up a scan."""
         self._take_scan(scan)
