@@ -104,6 +104,8 @@ class Flight:
         self.plan: Plan | None = None
         self.iterations = 0
         self.leg_index = 0
+        self.on_leg = False
+        """On the line of a leg: what the LiDAR tells of the blade, it sees squarely."""
         self.ledger = Ledger()
         self.task = SensingTask(SensingMode.IDLE, 0)
         self.records: list[EventRecord] = []

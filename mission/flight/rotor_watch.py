@@ -85,7 +85,8 @@ class RotorWatch:
             self.turns.clear()
         if task.task_id != self._pass.task_id:
             self._next(task)
-        if track is not None and track.stamp_s > self._stamp_s:
+        # From the way to a leg a blade is seen aslant: its nearest points are not its axis.
+        if flight.on_leg and track is not None and track.stamp_s > self._stamp_s:
             self._stamp_s = track.stamp_s
             self._take(track, task)
         return self._beyond(flight, task)

@@ -73,6 +73,7 @@ class Track:
 
     def step(self, flight: Flight) -> Intent:
         """Fly to the leg, along the leg, or on to the next."""
+        flight.on_leg = self._running
         if self._leg is None:
             leg = self._next_leg(flight)
             if leg is None:

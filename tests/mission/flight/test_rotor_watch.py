@@ -43,7 +43,18 @@ def vehicle(now, fix):
     )  # fmt: skip
 
 
-def fly(watch, true_axis_at, *, task_id=1, side="PS", from_s=100.0, fix=6, drift_m=0.0, seed=1):
+def fly(
+    watch,
+    true_axis_at,
+    *,
+    task_id=1,
+    side="PS",
+    from_s=100.0,
+    fix=6,
+    drift_m=0.0,
+    seed=1,
+    on_leg=True,
+):
     """Fly along blade A; ``true_axis_at(t_s)`` returns root and tip as they really are.
 
     Returns when movement was told, seconds into the pass; None: never.
@@ -69,7 +80,7 @@ def fly(watch, true_axis_at, *, task_id=1, side="PS", from_s=100.0, fix=6, drift
             now, FRAME.name, tuple(foot), tuple(axis), 12.0, 500.0, tuple(foot - on_model), 0.05
         )
         flight = types.SimpleNamespace(
-            rotor=rotor, task=task, now_s=now,
+            rotor=rotor, task=task, now_s=now, on_leg=on_leg,
             observation=Observation(now, k, vehicle(now, fix), blade=track),
         )  # fmt: skip
         if watch.moved(flight):
@@ -144,12 +155,18 @@ def test_a_nacelle_that_has_yawed_since_the_first_pass_is_noticed_where_the_blad
     assert (late is not None) == (15.0 * np.sin(np.radians(lean)) > 4.0)
 
 
+def test_a_blade_seen_aslant_from_the_way_to_a_leg_says_nothing():
+    watch = RotorWatch()
+    assert fly(watch, by_in_plane(lambda _: 6.0), on_leg=False) is None
+    assert watch.turns == {}
+
+
 def test_a_new_measurement_begins_anew():
     watch = RotorWatch()
     assert fly(watch, by_in_plane(lambda _: 6.0)) is not None
     flight = types.SimpleNamespace(
         rotor=RotorEstimate(300.0, 2), now_s=300.0, observation=Observation(300.0, 1),
-        task=SensingTask(SensingMode.BLADE, 9, blade="A"),
+        task=SensingTask(SensingMode.BLADE, 9, blade="A"), on_leg=True,
     )  # fmt: skip
     assert not watch.moved(flight)
     assert watch.turns == {}
