@@ -15,7 +15,7 @@ from perception.values import Bytes, Float32
 
 MIN_GREY, MAX_GREY = 110.0, 160.0
 #: Width of the metered strip, of the blade's true width.
-SURE_WIDTH = 0.6
+SURE_WIDTH = 0.7
 #: By how much (of the picture's height) the fitted blade lies beside the true one.
 ASIDE = 0.015
 

@@ -33,7 +33,7 @@ from perception.metering import Metered
 CLIPPED = 0.03
 #: A picture all white is this much (EV) brighter than white at least, one all black darker.
 #: More would land darker than the range when it was only just white.
-BEYOND_WHITE_EV = 0.8
+BEYOND_WHITE_EV = 0.5
 BEYOND_BLACK_EV = 1.5
 #: The wish moves when another step is nearer by this share of a step.
 HYSTERESIS = 0.1
@@ -117,7 +117,9 @@ class PredictiveExposure:
         level_ev, span = self._level(metered)
         period_s = min(max(stamp_s - newest_s, 0.02), 0.2)
         expected = self._expected_light(stamp_s)
-        found = self.timeline.ev_of(stamp_s, span, expected, 0.6 * period_s)
+        # A bound cannot tell whether an answer shows already: then it is not given twice.
+        slack_s = (0.6 if span[0] == span[1] else 1.3) * period_s
+        found = self.timeline.ev_of(stamp_s, span, expected, slack_s)
         if found is None:
             return held
         seen = _Seen(stamp_s, metered, level_ev, span, *found, histogram)

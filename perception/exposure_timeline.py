@@ -120,8 +120,10 @@ class EvTimeline:
         changes = np.array([_gap(level, float(ev), expected_light) for ev in choices])
         best = int(np.argmin(changes))
         # What the learned latency says stands unless another EV explains the frame clearly better;
-        # among hypotheses equally good the older setting is the careful answer.
-        start = usual if certain else self._oldest(choices, stamp_s)
+        # among hypotheses equally good the older setting is the careful answer, and where the
+        # level is only a bound all are equally good.
+        measured = level[0] == level[1]
+        start = usual if certain and measured else float(evs[near][-1])
         standing = _gap(level, start, expected_light)
         # A large jump that the standing EV leaves and another explains: the latency varied.
         if changes[best] < standing - _BETTER_EV and (
@@ -173,12 +175,6 @@ class EvTimeline:
         evs = np.array([one.ev for one in self._settings])
         index = np.searchsorted(stamps, stamp_s - LATENCIES_S + 1e-6, side="right") - 1
         return np.asarray(evs[np.maximum(index, 0)], np.float64)
-
-    def _oldest(self, choices: Float, stamp_s: float) -> float:
-        for setting in self._settings:
-            if stamp_s - setting.stamp_s < _OLD_S and np.any(np.abs(choices - setting.ev) < 0.002):
-                return setting.ev
-        return float(choices[0])
 
     def _forget(self, now_s: float) -> None:
         """Drop wishes that were never confirmed, and settings long out of force."""
