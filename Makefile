@@ -10,10 +10,12 @@ FAULTS ?=
 FUZZ_S ?= 60
 SOAK_MEMORY ?= 20
 SOAK_WIRE ?= 2
+KILLS ?= 10
+SEED ?= 1
 export PYTHON
 
 .DEFAULT_GOAL := help
-.PHONY: help env mission test test-flight test-parts faults safety fuzz mutants soak lint format lock image clean
+.PHONY: help env mission test test-flight test-parts faults safety fuzz mutants soak kills lint format lock image clean
 
 help: ## show the targets
 	@sed -n 's/^\([a-z]*\):.*## /make \1\t/p' Makefile | expand -t 16
@@ -59,6 +61,9 @@ mutants: env ## mutate the guard; its tests must notice each mutant
 
 soak: env ## missions one after the other, in memory and on the wire; goes on where it was left
 	$(BIN)/python -m tests.faults.soak --memory $(SOAK_MEMORY) --wire $(SOAK_WIRE)
+
+kills: env ## kill the daemon at random moments of simulated missions; each is completed by resume
+	$(BIN)/python -m tests.faults.killing --kills $(KILLS) --seed $(SEED)
 
 format: env ## rewrite the sources in the house format
 	$(BIN)/ruff format .

@@ -5,7 +5,8 @@
 ``truth.json``. Standard output: a line of JSON ``{"ready": true}`` once sensors and MAVLink are up,
 ``{"finished": true}`` at the end, ``{"error": text}`` when the world cannot go on. Standard input,
 a line of JSON each: ``{"finish": MISSION_DIR}``, ``{"fault": {"device": ..., "word": ...}}``,
-``{"swap": true}`` (a charged battery) or ``{"trace": FILE}``; its end ends the field.
+``{"swap": true}`` (a charged battery), ``{"pilot": true}`` (return by the autopilot) or
+``{"trace": FILE}``; its end ends the field.
 """
 
 from __future__ import annotations
@@ -128,6 +129,8 @@ class Field:
                 self._world.fault(order.fault.device, order.fault.word)
             if order.swap and isinstance(self._world, World):
                 self._world.swap_battery()
+            if order.pilot and isinstance(self._world, World):
+                self._world.pilot_returns()
             if order.trace is not None and isinstance(self._world, World):
                 tasks.append(asyncio.create_task(trace(self._world, Path(order.trace))))
             if order.finish is not None:

@@ -21,5 +21,7 @@ class Order(ConfigModel):
     fault: FaultOrder | None = None
     swap: bool = False
     """Fit a charged battery; only on the ground."""
+    pilot: bool = False
+    """The pilot sends the vehicle home by the autopilot's own return."""
     trace: str | None = None
     """Write what the autopilot really does into this file, from now on."""

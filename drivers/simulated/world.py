@@ -13,6 +13,7 @@ from drivers.simulated.mavlink_autopilot import MockAutopilot
 from drivers.simulated.mavlink_payload import MockPayload
 from drivers.simulated.mavlink_wire import MavlinkLink, Received
 from drivers.simulated.ned import Home
+from drivers.simulated.px4_modes import Mode
 from drivers.simulated.scene import Scene
 from drivers.simulated.setpoint_timing import SetpointTiming
 from drivers.simulated.truth_report import WorldFacts
@@ -115,6 +116,10 @@ class World:
         """Fit a charged battery, where the vehicle stands on the ground."""
         if not self.airborne:
             self.aircraft.pack.renew()
+
+    def pilot_returns(self) -> None:
+        """The pilot sends the vehicle home: up above the rotor, over, down."""
+        self.aircraft.commander.set_mode(Mode.RETURN, self.now_s)
 
     def fault(self, device: str, word: str) -> None:
         """Change a device's failure word; devices of the renderer are passed on."""

@@ -103,6 +103,13 @@ def start(
     valid: Annotated[
         float | None, typer.Option(help="Start nothing if it arrives later than these seconds.")
     ] = None,
+    airborne: Annotated[
+        bool, typer.Option("--airborne", help="Take over the vehicle where it hovers.")
+    ] = False,
+    rendezvous: Annotated[
+        str,
+        typer.Option(help="Where it is handed back hovering: EAST,NORTH,UP of its home, metres."),
+    ] = "",
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only check.")] = False,
     vehicle: Vehicle = "drone-1",
     router: Router = DEFAULT_ROUTER,
@@ -125,6 +132,8 @@ def start(
         "nacelle_yaw_deg": nacelle_yaw,
         "blade_pitch_deg": blade_pitch,
         "launch_enu_m": numbers_typed("--launch", launch, 3),
+        "airborne": airborne,
+        "rendezvous_w": numbers_typed("--rendezvous", rendezvous, 3),
         "expires_utc_s": None if valid is None else time.time() + valid,
         "dry_run": dry_run,
     }
@@ -175,6 +184,9 @@ def resume(
             "--rotor-locked", help="The operator's word: rotor still braked and locked, yaw off."
         ),
     ] = False,
+    airborne: Annotated[
+        bool, typer.Option("--airborne", help="Take over the vehicle where it hovers.")
+    ] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only check.")] = False,
     vehicle: Vehicle = "drone-1",
     router: Router = DEFAULT_ROUTER,
@@ -186,7 +198,11 @@ def resume(
     with connect(vehicle, router, keys) as client:
         _answered(
             lambda: client.resume(
-                name, operator=operator, rotor_locked=rotor_locked, dry_run=dry_run
+                name,
+                operator=operator,
+                rotor_locked=rotor_locked,
+                airborne=airborne,
+                dry_run=dry_run,
             ),
             lambda reply: _show(reply, as_json),
         )

@@ -42,6 +42,22 @@ class EarlierPhoto:
 
 
 @dataclass(frozen=True, slots=True)
+class Standing:
+    """How the rotor stood in the autopilot's local frame, and what tells that frame again."""
+
+    hub_w: Vec3
+    normal_w: Vec3
+    blades: tuple[tuple[str, Vec3, float | None], ...]
+    """Name, direction, pitch in degrees."""
+    tower_w: Vec3
+    """Foot of the tower."""
+    latitude_deg: float
+    longitude_deg: float
+    position_w: Vec3
+    """Where the vehicle was in the local frame when it was at this place of the globe."""
+
+
+@dataclass(frozen=True, slots=True)
 class Earlier:
     """All earlier flights of an inspection together."""
 
@@ -54,3 +70,5 @@ class Earlier:
     sigma_deg: float = 0.0
     skipped: tuple[tuple[str, str], ...] = ()
     """(blade, side) that an operator has left out."""
+    standing: Standing | None = None
+    """The rotor as the newest flight measured it, for a vehicle that is still in the air."""

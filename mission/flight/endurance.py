@@ -39,6 +39,6 @@ def suffices(flight: Flight, leg: Leg, photos: Sequence[float]) -> bool:
     battery = settings.battery
     drawn_w = power_w(battery, (pace, 0.0, 0.0), (0.0, math.hypot(wind[0], wind[1]), 0.0))
     used = drawn_w * (DETOUR * apart_s + along_s) / 3600.0 / battery.capacity_wh
-    home = flight.home_w or vehicle.position_w
+    home = flight.goal_w
     needed = must_return_at(battery, settings.airframe, vec3(last), home, float(last[2]), wind)
     return vehicle.battery - used >= needed + WATCHED

@@ -36,6 +36,8 @@ from perception.values import Float
 #: Kept outside the closed sphere, for the vehicle's own wander.
 SPHERE_MARGIN_M = 2.0
 CORRIDOR_STEP_M = 1.5
+#: A home that the autopilot reports farther than this from where it was has moved (a vessel).
+HOME_MOVED_M = 3.0
 #: Between two notes of where the LiDAR looks.
 LOOK_S = 0.19
 
@@ -88,6 +90,8 @@ class Flight:
         self.earlier: Earlier | None = None
         """What earlier flights of the same inspection left behind."""
         self.home_w: Vec3 | None = None
+        self.rendezvous_w: Vec3 | None = None
+        """Where a vehicle that was taken over in the air is handed back, hovering."""
         self.state = MissionState.IDLE
         self.outcome: MissionState | None = None
         """How the mission will have ended once it is landed; None: completed."""
@@ -139,6 +143,16 @@ class Flight:
     def note(self, name: str, text: str, severity: Reaction = Reaction.NONE) -> None:
         """Write a line into the event log."""
         self.records.append(EventRecord(self.now_s, name, severity, text))
+
+    @property
+    def goal_w(self) -> Vec3:
+        """Where this flight ends: the rendezvous; else home, where that is by now."""
+        if self.rendezvous_w is not None:
+            return self.rendezvous_w
+        now, then = self.vehicle.home_w, self.home_w
+        if now is not None and then is not None and math.dist(now, then) > HOME_MOVED_M:
+            return now
+        return then or self.vehicle.position_w
 
     # --- where the turbine is -------------------------------------------------------------
 

@@ -272,6 +272,9 @@ class Machine:
         flight, vehicle = self._flight, self._flight.observation.vehicle
         if vehicle is None or isinstance(self._phase, (*ON_THE_GROUND[:2], Released)):
             return
+        if isinstance(self._phase, Landed) and not self._phase.flown:
+            # Never ours, or handed back already.
+            return
         if vehicle.mode is FlightMode.UNKNOWN:
             return
         allowed = {FlightMode.OFFBOARD}
@@ -440,7 +443,7 @@ class Machine:
         if reaction is Reaction.RELEASE:
             failed = event is Event.LINK_LOST
             return self._release(words, ask_hold=event is Event.FRAME_RESET, failed=failed)
-        if reaction is Reaction.LAND and _regains(phase):
+        if reaction is Reaction.LAND and (_regains(phase) or _takes_over(phase)):
             # Beside the rotor the autopilot's hold is better than its landing.
             return self._release(words)
         if reaction is Reaction.LAND:
@@ -495,7 +498,8 @@ class Machine:
         hold = Hold(then, words, paused=paused)
         if not self._flight.engaged:
             # The autopilot flies the take-off: it holds, and offboard is asked for afterwards.
-            engage = then if isinstance(then, Engage) and then.after_silence else Engage(Ascend())
+            again = isinstance(then, Engage) and (then.after_silence or then.taken_over)
+            engage = then if again else Engage(Ascend())
             hold = Hold(engage, words, paused=paused)
             return Intent(words, action=Action.HOLD, then=hold)
         intent = hold.step(self._flight)
@@ -503,6 +507,8 @@ class Machine:
 
     def _home_without_control(self, words: str) -> Intent:
         """End where the autopilot flies: near the rotor only after control was taken up again."""
+        if _takes_over(self._phase):
+            return self._release(words)
         if not _regains(self._phase):
             return self._land(words)
         return Intent(words, then=Hold(Engage(StandOff(Home()), after_silence=True), words))
@@ -549,6 +555,12 @@ def _regains(phase: PhaseStep) -> bool:
     """Return whether control is being taken up again after a gap of our own."""
     inner = phase.then if isinstance(phase, Hold) else phase
     return isinstance(inner, Engage) and inner.after_silence
+
+
+def _takes_over(phase: PhaseStep) -> bool:
+    """Return whether a hovering vehicle is being taken over, which may hover anywhere."""
+    inner = phase.then if isinstance(phase, Hold) else phase
+    return isinstance(inner, Engage) and inner.taken_over
 
 
 class Remeasure:

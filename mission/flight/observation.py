@@ -236,6 +236,10 @@ class Request:
     sides: tuple[str, ...] = ("PS", "SS", "LE", "TE")
     flight: int = 1
     """Number of the flight of an inspection; a later one waits for `Observation.earlier`."""
+    airborne: bool = False
+    """Take over the vehicle where it hovers."""
+    rendezvous_w: Vec3 | None = None
+    """Where it is handed back; None: where it was taken over."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -162,7 +162,7 @@ class Watch:
             battery,
             flight.settings.airframe,
             vehicle.position_w,
-            flight.home_w or vehicle.position_w,
+            flight.goal_w,
             vehicle.position_w[2],
             vehicle.wind_w or (0.0, 0.0, 0.0),
         )

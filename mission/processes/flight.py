@@ -331,7 +331,9 @@ class Flight:
     def _keep_journal(self, machine: Machine) -> None:
         intent, turbine = self._intent, self._turbine
         if intent is not None and turbine is not None and machine.phase not in UNFLOWN:
-            self._outputs.journal(machine, intent, turbine, self._started_utc)
+            newest = self._last_observation
+            vehicle = None if newest is None else newest.vehicle
+            self._outputs.journal(machine, intent, turbine, self._started_utc, vehicle)
 
     def _end(self, machine: Machine) -> None:
         """Hand the report to the recorder, once; the machine is done."""
@@ -386,6 +388,8 @@ class Flight:
                 blades=intent.blades,
                 sides=intent.sides,
                 flight=intent.flight,
+                airborne=intent.airborne,
+                rendezvous_w=intent.rendezvous_w,
             )
         )
 
@@ -419,11 +423,12 @@ class Flight:
         if self._preflight is None:
             self._preflight = asyncio.create_task(self._read_parameters(link, turbine))
         reading = link.vehicle()
-        if reading is not None and reading.armed:
+        armed = reading is not None and reading.armed
+        if armed and not (intent.airborne and self._machine.phase is Phase.PREFLIGHT):
             return ()
         if self._parameters is None:
             return (PreflightItem("parameters", False, "being read from the autopilot"),)
-        return preflight_items(
+        items = preflight_items(
             self._settings,
             turbine,
             reading,
@@ -432,9 +437,13 @@ class Flight:
             self._inputs.ready,
             Path(intent.mission_dir),
         )
+        # A vehicle in the air is not going to be armed.
+        return tuple(item for item in items if not armed or item.name != "vehicle")
 
     async def _read_parameters(self, link: AutopilotLink, turbine: Turbine) -> None:
-        mend = self._settings.autopilot.set_parameters
+        reading = link.vehicle()
+        flying = reading is not None and reading.armed
+        mend = self._settings.autopilot.set_parameters and not flying
         try:
             parameters = await read_parameters(link, turbine, mend=mend)
         except AutopilotError as error:

@@ -14,7 +14,7 @@ from mission.flight.command import PhotoCommand, Progress, SensingTask
 from mission.flight.events import EventRecord
 from mission.flight.guard import GuardedCommand
 from mission.flight.machine import Machine
-from mission.flight.observation import GimbalState, Observation, Vehicle
+from mission.flight.observation import GimbalState, Observation, Vec3, Vehicle
 from mission.processes.flight_inputs import FlightInputs
 from mission.processes.flight_pace import Pace
 from mission.processes.runtime import Runtime
@@ -162,7 +162,14 @@ class FlightOutputs:
         self._bus.publish(Key.PHOTO, message.model_dump_json().encode())
         return message
 
-    def journal(self, machine: Machine, intent: Intent, turbine: Turbine, started_utc: str) -> None:
+    def journal(
+        self,
+        machine: Machine,
+        intent: Intent,
+        turbine: Turbine,
+        started_utc: str,
+        vehicle: Vehicle | None,
+    ) -> None:
         """Publish how the flight stands: what the journal keeps should this process be lost."""
         message = FlightReport.model_construct(
             report=machine.report(brief=True),
@@ -172,6 +179,7 @@ class FlightOutputs:
             rotor_locked=intent.rotor_locked,
             started_utc=started_utc,
             tower_foot_w=machine.tower_foot_w(),
+            place=_place(vehicle),
         )
         self._bus.publish(Key.JOURNAL, message.model_dump_json().encode())
 
@@ -209,6 +217,13 @@ class FlightOutputs:
     def _utc(self, mission_s: float) -> str:
         moment = self._utc_of_zero + timedelta(seconds=mission_s)
         return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def _place(vehicle: Vehicle | None) -> tuple[float, float, Vec3] | None:
+    """Return where on the globe a place of the local frame is."""
+    if vehicle is None or vehicle.latitude_deg is None or vehicle.longitude_deg is None:
+        return None
+    return vehicle.latitude_deg, vehicle.longitude_deg, vehicle.position_w
 
 
 def _utc_of_mission_zero(runtime: Runtime) -> datetime:

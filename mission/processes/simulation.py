@@ -135,6 +135,10 @@ class Field:
         """Fit a charged battery to the landed vehicle."""
         self._say({"swap": True})
 
+    def pilot_returns(self) -> None:
+        """Have the pilot send the vehicle home."""
+        self._say({"pilot": True})
+
     def trace(self, file: Path) -> None:
         """Have written down what the autopilot really does, from now on."""
         self._say({"trace": str(file)})

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mission.flight.earlier import Earlier, EarlierPhoto, OnBlade
+from mission.flight.earlier import Earlier, EarlierPhoto, OnBlade, Standing
 from mission.records.flights import FlightRecord
 from mission.records.photo_record import PhotoRecord
+from mission.remote.messages import FlightReport
 from perception.values import Float
 
 
@@ -32,7 +33,17 @@ def earlier_of(
         stop_angle_deg=None if rotor is None else rotor.stop_angle_deg,
         sigma_deg=0.0 if rotor is None else rotor.sigma_deg,
         skipped=tuple(sorted(skipped)),
+        standing=next(filter(None, (_standing(one) for one in reversed(reports))), None),
     )
+
+
+def _standing(report: FlightReport) -> Standing | None:
+    """Return how the rotor stood in a flight's own frame, where that can be told again."""
+    rotor, place = report.report.rotor, report.place
+    if rotor is None or place is None:
+        return None
+    blades = tuple((one.name, one.direction_w, one.pitch_deg) for one in rotor.blades)
+    return Standing(rotor.hub_w, rotor.normal_w, blades, report.tower_foot_w, *place)
 
 
 def _photo(record: PhotoRecord) -> EarlierPhoto:

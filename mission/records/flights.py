@@ -87,7 +87,7 @@ def offsets_s(records: Sequence[FlightRecord]) -> list[float]:
     offsets, end_s = [], -math.inf
     for record in records:
         phases = () if record.report is None else record.report.report.phases
-        begin_s = phases[0].to_s if phases else end_s
+        begin_s = end_s if record.report is None else _begun_s(record.report)
         offset = 0.0 if begin_s >= end_s or not phases else end_s + APART_S - begin_s
         offsets.append(offset)
         if phases:
@@ -206,6 +206,7 @@ def told(records: Sequence[FlightRecord]) -> list[dict[str, object]]:
                 "number": record.number,
                 "operator": record.intent.operator,
                 "started_utc": None if report is None else report.started_utc,
+                "begun_s": None if report is None else _begun_s(report) + offset,
                 "duration_s": 0.0 if report is None else report.report.duration_s,
                 "state": record.state or "broken_off",
                 "words": words,
@@ -214,6 +215,11 @@ def told(records: Sequence[FlightRecord]) -> list[dict[str, object]]:
             }
         )
     return lines
+
+
+def _begun_s(report: FlightReport) -> float:
+    phases = report.report.phases
+    return phases[0].to_s if phases else 0.0
 
 
 def swaps(records: Sequence[FlightRecord]) -> int:

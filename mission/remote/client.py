@@ -96,6 +96,8 @@ class Client:
         blade_pitch_deg: float | None = None,
         launch_enu_m: Vec3 | None = None,
         valid_s: float | None = None,
+        airborne: bool = False,
+        rendezvous_w: Vec3 | None = None,
         dry_run: bool = False,
     ) -> Reply:
         """Start a mission; `rotor_locked` is the operator's word. Raises `NoReply`.
@@ -104,7 +106,9 @@ class Client:
         ``blades``, ``sides``: what to fly; None: what is configured. ``blade_serials``,
         ``nacelle_yaw_deg`` (compass, where the rotor faces), ``blade_pitch_deg`` and
         ``launch_enu_m`` (take-off from the tower's base) where known. ``valid_s``: a request that
-        arrives later than this starts nothing. ``dry_run``: only check.
+        arrives later than this starts nothing. ``airborne``: take over a hovering vehicle, and
+        hand it back hovering at ``rendezvous_w`` (east, north, up of its home; where it was taken
+        over). ``dry_run``: only check.
         """
         request = StartRequest(
             id=request_id or uuid.uuid4().hex,
@@ -117,6 +121,8 @@ class Client:
             nacelle_yaw_deg=nacelle_yaw_deg,
             blade_pitch_deg=blade_pitch_deg,
             launch_enu_m=launch_enu_m,
+            airborne=airborne,
+            rendezvous_w=rendezvous_w,
             expires_utc_s=None if valid_s is None else time.time() + valid_s,
             dry_run=dry_run,
         )
@@ -153,18 +159,21 @@ class Client:
         operator: str = "",
         rotor_locked: bool = False,
         request_id: str | None = None,
+        airborne: bool = False,
         dry_run: bool = False,
     ) -> Reply:
         """Go on after a pause; where no mission runs, with one that ended unfinished.
 
         ``mission``: name of its folder; empty: the newest. That takes the operator's word anew
-        that the rotor is still locked. Raises `NoReply`.
+        that the rotor is still locked. ``airborne``: the vehicle hovers, and is taken over there.
+        Raises `NoReply`.
         """
         request = ResumeRequest(
             id=request_id or uuid.uuid4().hex,
             mission=mission,
             operator=operator,
             rotor_locked=rotor_locked,
+            airborne=airborne,
             dry_run=dry_run,
         )
         return self._ask(RequestKind.RESUME, request.model_dump_json())

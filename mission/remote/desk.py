@@ -172,6 +172,8 @@ class Desk:
             blades=blades,
             sides=sides,
             mission_dir=str(folder),
+            airborne=request.airborne,
+            rendezvous_w=request.rendezvous_w,
             **known,
         )
         self._pending = str(folder), 1
@@ -260,6 +262,7 @@ class Desk:
             sides=asked.sides if asked else first.sides or inspection.sides,
             mission_dir=str(found.folder),
             flight=found.flight,
+            airborne=request.airborne,
             **{name: getattr(first, name) for name in Known.model_fields},
         )
         self._pending = str(found.folder), found.flight

@@ -66,6 +66,10 @@ class StartRequest(Known):
     """The operator's word: rotor braked and locked, yaw off."""
     blades: tuple[BladeName, ...] | None = None
     sides: tuple[Side, ...] | None = None
+    airborne: bool = False
+    """The vehicle hovers: take it over there, and hand it back hovering."""
+    rendezvous_w: Vec3 | None = None
+    """Where it is handed back: east, north, up of its home; None: where it was taken over."""
     expires_utc_s: float | None = None
     """A request that arrives later starts nothing."""
     dry_run: bool = False
@@ -77,6 +81,8 @@ class ResumeRequest(Message):
 
     version: Literal[1] = 1
     id: Identifier
+    airborne: bool = False
+    """The vehicle hovers: take it over there."""
     mission: Annotated[str, Field(max_length=120, pattern=r"^([A-Za-z0-9][A-Za-z0-9_.-]*)?$")] = ""
     """Name of the mission folder; empty: what is under way, else the newest."""
     operator: Annotated[str, Field(max_length=80)] = ""
@@ -177,6 +183,8 @@ class Intent(Known):
     mission_dir: str = ""
     flight: int = 1
     """Number of the flight of this inspection."""
+    airborne: bool = False
+    rendezvous_w: Vec3 | None = None
 
 
 class EarlierMessage(Message):
@@ -291,6 +299,8 @@ class FlightReport(Message):
     operator: str
     rotor_locked: bool
     started_utc: str
+    place: tuple[float, float, Vec3] | None = None
+    """Latitude and longitude, degrees, of a place of the flight's own frame."""
     tower_foot_w: Vec3
     """Where the tower's axis meets the ground, in the frame of the flight: origin of `hub_m`."""
     frames: int = 0

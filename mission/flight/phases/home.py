@@ -8,8 +8,8 @@ import numpy as np
 
 from mission.flight.around import arc, at_bearing, bearing_rad
 from mission.flight.command import Action, Phase, SensingMode
-from mission.flight.flight import Flight, Intent
-from mission.flight.observation import FlightMode
+from mission.flight.flight import HOME_MOVED_M, Flight, Intent
+from mission.flight.observation import FlightMode, Vec3
 from mission.flight.phases.landed import Landed
 from perception.values import Float
 
@@ -25,23 +25,29 @@ class Home:
     def __init__(self) -> None:
         self._moving = False
         self._asked_s: float | None = None
+        self._goal_w: Vec3 | None = None
 
     def resume(self, _flight: Flight) -> None:
         """Work the way out again from here."""
         self._moving = False
 
     def step(self, flight: Flight) -> Intent:
-        """Fly home; over home, land."""
+        """Fly home; over home, land; at a rendezvous, hold and hand back."""
         flight.sense(SensingMode.IDLE)
         if self._asked_s is not None:
             return self._land(flight)
+        if self._goal_w is None or math.dist(self._goal_w, flight.goal_w) > HOME_MOVED_M:
+            self._goal_w, self._moving = flight.goal_w, False
         if not self._moving:
             self._moving = True
             flight.go(way_home(flight), flight.settings.airframe.max_speed_mps)
-        home = np.array(flight.home_w or flight.vehicle.position_w)
+        home = np.array(flight.goal_w)
         ahead = flight.follower.path
         goal = home if ahead is None else ahead.end_w
         setpoint = flight.follow(flight.yaw_to(goal))
+        if flight.arrived(1.5) and flight.rendezvous_w is not None:
+            flight.engaged, flight.land_asked_s = False, flight.now_s
+            return Intent("handing back", action=Action.HOLD, then=Landed(flown=False))
         if flight.arrived(1.5):
             self._asked_s = flight.now_s
             return Intent("landing", setpoint=setpoint, action=Action.LAND)
@@ -60,8 +66,8 @@ class Home:
 def way_home(flight: Flight) -> Float:
     """Return points (K, 3) from outside the sphere to above the take-off point."""
     here, hub = flight.here_w, flight.hub_w
-    home = np.array(flight.home_w or flight.vehicle.position_w)
-    low = float(home[2]) + TRANSIT_HEIGHT_M
+    home = _outside(flight, np.array(flight.goal_w))
+    low = float(home[2]) + (TRANSIT_HEIGHT_M if flight.rendezvous_w is None else 0.0)
     over = np.array([home[0], home[1], low])
     if math.hypot(*(here - home)[:2]) < 3.0:
         return over[None]
@@ -77,3 +83,13 @@ def way_home(flight: Flight) -> Float:
     if out < radius:
         way = np.concatenate([way, at_bearing(hub, goal, radius, low)[None]])
     return np.concatenate([way, over[None]])
+
+
+def _outside(flight: Flight, goal_w: Float) -> Float:
+    """Return the goal (3,); a rendezvous beside the rotor is moved straight out of the sphere."""
+    offset = goal_w - flight.hub_w
+    apart = float(np.linalg.norm(offset))
+    if flight.rendezvous_w is None or apart >= flight.clear_radius_m:
+        return goal_w
+    moved: Float = flight.hub_w + offset * (flight.clear_radius_m / max(apart, 1e-6))
+    return moved

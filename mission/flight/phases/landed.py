@@ -23,6 +23,11 @@ class Landed:
         self._asked_s: float | None = None
         self._done = False
 
+    @property
+    def flown(self) -> bool:
+        """Whether the vehicle was flown by us until it landed."""
+        return self._flown
+
     def resume(self, _flight: Flight) -> None:
         """Nothing to find again."""
 

@@ -6,6 +6,7 @@ from mission.flight.command import Action, MissionState, Phase
 from mission.flight.flight import Flight, Intent
 from mission.flight.phases.landed import Landed
 from mission.flight.phases.takeoff import Takeoff
+from mission.flight.phases.takeover import take_over
 
 WAIT_S = 120.0
 #: The list must be clean for as long before the motors start.
@@ -42,6 +43,8 @@ class Preflight:
         if now - self._clean_since < SETTLED_S:
             return Intent("preflight checks passed")
         vehicle = flight.vehicle
+        if vehicle.in_air:
+            return take_over(flight)
         flight.home_w = vehicle.home_w or vehicle.position_w
         return Intent("arming", action=Action.ARM, then=Takeoff())
 
@@ -55,6 +58,11 @@ def _faults(flight: Flight) -> list[str]:
     if vehicle is None:
         faults.append("vehicle: no telemetry")
     else:
+        airborne = request is not None and request.airborne
+        if vehicle.in_air and not airborne:
+            faults.append("vehicle: it is in the air (--airborne takes it over where it hovers)")
+        if airborne and not vehicle.in_air:
+            faults.append("vehicle: it is on the ground, and not to be taken over in the air")
         if not vehicle.healthy and not vehicle.armed:
             faults.append("vehicle: the autopilot says that it may not be armed")
         if vehicle.battery is None:

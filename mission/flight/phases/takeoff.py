@@ -61,8 +61,11 @@ class Engage:
         from_mode: FlightMode | None = None,
         *,
         after_silence: bool = False,
+        taken_over: bool = False,
     ) -> None:
         self._then = then
+        self.taken_over = taken_over
+        """The vehicle was hovering, wherever that is, when the mission began."""
         self.after_silence = after_silence
         """Control is taken up again after a gap of our own."""
         self._from_mode = from_mode

@@ -41,6 +41,8 @@ def mission(truth=None, battery=1.0, earlier=None, sides=("PS", "SS"), blades=("
 def left_behind(flight, flights=1):
     """Return what a flight leaves for the next, as the recorder reads it from the disk."""
     machine = flight.machine
+    if machine.plan is None:
+        return Earlier(flights, 1)
     frames = {frame.name: frame for frame in machine.plan.model.frames}
     photos = []
     for book in machine.ledger.sides.values():
@@ -60,7 +62,7 @@ def left_behind(flight, flights=1):
     rotor = machine.report().rotor
     skipped = tuple(key for key, book in machine.ledger.sides.items() if book.skipped)
     return Earlier(
-        flights, max(p.photo_id for p in photos) + 1, tuple(photos),
+        flights, max((p.photo_id for p in photos), default=0) + 1, tuple(photos),
         rotor.stop_angle_deg, rotor.sigma_deg, skipped,
     )  # fmt: skip
 
@@ -98,6 +100,40 @@ def test_what_is_missing_is_flown_and_nothing_twice(whole, broken_off):
         assert (one.blade, one.side) == (other.blade, other.side)
         assert other.photographed_m == pytest.approx(one.photographed_m, abs=0.7)
         assert other.coverage == pytest.approx(one.coverage, abs=0.02)
+
+
+SEED, KILLS = 20261122, 10
+
+
+@pytest.fixture(scope="module")
+def lost(whole):
+    """What is left behind at ten random moments of a flight."""
+    moments = np.random.default_rng(SEED).uniform(0.0, whole.duration_s, KILLS)
+    flight, found = mission(), []
+    begun_s, flown = flight.now_s, flight.run(0.0)
+    for moment in np.sort(moments):
+        while flight.now_s - begun_s < moment:
+            flight.one_tick(flown)
+        found.append((float(moment), left_behind(flight)))
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(KILLS))
+def test_killed_at_a_random_moment_it_is_completed_and_nothing_is_flown_twice(whole, lost, number):
+    moment, earlier = lost[number]
+    second = mission(earlier=earlier)
+    after = second.run()
+    words = f"seed {SEED}, killed after {moment:.1f} s with {len(earlier.photos)} photos"
+    assert second.machine.state is MissionState.COMPLETED, words
+    books = second.machine.ledger.sides.values()
+    kept = {photo.photo_id for book in books for photo in book.photos}
+    assert kept >= {photo.photo_id for photo in earlier.photos}, words
+    for book in books:
+        targets = np.sort([photo.target_m for photo in book.photos])
+        assert np.diff(targets).min() > 0.5, words
+    # One more at most: what the flight that was killed had just taken, and not told yet.
+    assert len(earlier.photos) + len(after.photos) <= len(whole.photos) + 1, words
 
 
 def test_an_autopilot_that_counts_from_elsewhere_changes_nothing(whole, broken_off):

@@ -1,0 +1,218 @@
+"""The daemon killed at random moments of short simulated missions; `resume` completes each.
+
+``python -m tests.faults.killing --kills 10 --seed 1``: every process of the daemon gets SIGKILL at
+once; the vehicle is left hovering by its autopilot. A new daemon is started, takes it over where
+it hovers (``--way air``) or from the ground after the pilot has brought it home (``--way pilot``),
+and flies what is missing. Ends with 1 where a mission was not completed, a photo was lost or one
+was taken twice.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import math
+import random
+import signal
+import sys
+import tempfile
+import time
+from functools import partial
+from pathlib import Path
+
+import psutil
+
+from mission.flight.command import MissionState
+from mission.processes.runtime import CLOCK_FILE
+from mission.processes.simulation import TERMINAL, Daemon
+from mission.remote.client import NoReply
+from tests.faults.rig import Rig
+
+KILLS_A_MISSION = 3
+#: Mission seconds after a flight was asked for, between which the daemon is killed.
+FROM_S, TO_S = 12.0, 150.0
+#: Two kept photos taken from places nearer than this, looking the same way, are one photo twice.
+SAME_PLACE_M, SAME_SIGHT = 0.8, math.cos(math.radians(4.0))
+
+
+class Killed(Rig):
+    """A rig whose daemon is killed and started again."""
+
+    def __enter__(self):
+        super().__enter__()
+        self.lives = 1
+        return self
+
+    def kill(self):
+        """Kill every process of the daemon at once; the field lives on."""
+        daemon = psutil.Process(self.daemon.pid)
+        family = [daemon, *daemon.children(recursive=True)]
+        for process in family:
+            with contextlib.suppress(psutil.NoSuchProcess):
+                process.send_signal(signal.SIGKILL)
+        psutil.wait_procs(family, timeout=10)
+        self.client.close()
+
+    def relaunch(self):
+        """Start another daemon over the same missions, and watch it."""
+        self.lives += 1
+        folder = self.folder / f"serve-{self.lives}"
+        folder.mkdir()
+        self.daemon = Daemon(self.told, folder, self.world_dir / CLOCK_FILE)
+        self._stack.callback(self.daemon.close)
+        self.client = self._stack.enter_context(self.daemon.client(self.told))
+        watcher = self.watcher
+        watcher.state = watcher.recorded = None
+        self.client.watch(watcher.take_state, watcher.take_event, watcher.take_recorded)
+
+    def resume(self, **how):
+        """Ask for the next flight until the daemon takes it."""
+
+        def taken():
+            try:
+                reply = self.client.resume(operator="Bea", rotor_locked=True, **how)
+            except NoReply:
+                return False
+            return reply.ok
+
+        self.until(taken, 120.0, every_s=0.5)
+
+    def until_killed(self, after_s, flight):
+        """Wait so many mission seconds of a flight; return whether it is still under way."""
+        begun_s = self.now_s()
+        deadline = time.monotonic() + 1500.0
+        while self.now_s() - begun_s < after_s:
+            assert time.monotonic() < deadline, "the simulated world does not get on"
+            if self.ended(flight):
+                return False
+            time.sleep(0.1)
+        return not self.ended(flight)
+
+    def ended(self, flight):
+        """Return whether a flight has told its end, and its folder is complete."""
+        state = self.watcher.state
+        over = (
+            state is not None
+            and state.progress.flight == flight
+            and state.progress.state in TERMINAL
+        )
+        return over and self.watcher.recorded is not None
+
+    def brought_home(self):
+        """Let the pilot bring the vehicle home, and fit a charged battery."""
+        if self.trace()[-1]["armed"]:
+            self.world.pilot_returns()
+        self.until(lambda: not self.trace()[-1]["armed"], 900.0, every_s=0.5)
+        self.world.swap_battery()
+
+
+def fly(folder, seed, kills, way, draw):
+    """Fly one mission, killed so many times; return what became of it."""
+    told = {"seed": seed, "kills": []}
+    sides = ("inspection.blades=A,B", "inspection.sides=PS,SS")
+    with Killed(folder, *sides, "simulation.sensors=bus", speed=3.0, seed=seed) as rig:
+        rig.start()
+        flight = 1
+        while True:
+            after_s = draw.uniform(FROM_S, TO_S)
+            if len(told["kills"]) == kills or not rig.until_killed(after_s, flight):
+                rig.until(partial(rig.ended, flight), 1500.0)
+                break
+            progress = rig.watcher.state.progress
+            rig.kill()
+            told["kills"].append(
+                {"flight": flight, "after_s": round(after_s, 1), "phase": str(progress.phase),
+                 "words": progress.words, "photos": progress.photos}
+            )  # fmt: skip
+            if way == "pilot":
+                rig.brought_home()
+            rig.relaunch()
+            rig.resume(**({"airborne": True} if way == "air" and rig.trace()[-1]["armed"] else {}))
+            flight += 1
+        state = rig.watcher.state.progress
+        told |= {"state": str(state.state), "words": state.words, "flights": flight}
+        truth = rig.finish()
+        told["clearance_m"] = round(truth["min_clearance_m"], 2)
+        told |= photos_of(rig.mission_dir)
+    return told
+
+
+def photos_of(folder):
+    """Return how many photos a folder holds, how many it lost, and which were taken twice."""
+    mission = json.loads((folder / "mission.json").read_text())
+    records = [json.loads(path.read_text()) for path in folder.glob("photos/*/*/*.json")]
+    kept = [one for one in records if one["kept"]]
+    numbers = [one["photo_id"] for one in records]
+    missing = [one["file"] for one in records if not (folder / one["file"]).is_file()]
+    lone = [
+        path.name for path in folder.glob("photos/*/*/*.jpg")
+        if not path.with_suffix(".json").is_file()
+    ]  # fmt: skip
+    begun_s = [flight["begun_s"] for flight in mission["flights"]]
+    twice = [
+        (a["file"], b["file"])
+        for n, a in enumerate(kept)
+        for b in kept[:n]
+        if flight_of(a, begun_s) != flight_of(b, begun_s) and same(a, b)
+    ]
+    return {
+        "kept": len(kept),
+        "coverage": round(mission["coverage"], 3),
+        "lost": len(mission["lost"]) + len(missing) + len(lone),
+        "twice": len(twice) + len(numbers) - len(set(numbers)),
+        "which": twice,
+        "pending": len(list(folder.glob("pending/*"))),
+    }
+
+
+def flight_of(record, begun_s):
+    """Return in which flight a photo was taken: the world's clock goes on through all."""
+    return sum(record["mission_s"] >= begin for begin in begun_s if begin is not None)
+
+
+def same(a, b):
+    """Return whether two photos show the same of the same side, from the same place."""
+    if (a["blade"], a["side"]) != (b["blade"], b["side"]):
+        return False
+    apart = math.dist(a["position_w"], b["position_w"])
+    cosine = sum(x * y for x, y in zip(sight_of(a), sight_of(b), strict=True))
+    return apart < SAME_PLACE_M and cosine > SAME_SIGHT
+
+
+def sight_of(record):
+    """Return the unit direction (east, north, up) of a photo's optical axis."""
+    yaw, pitch = (math.radians(record[f"gimbal_{name}_deg"]) for name in ("yaw", "pitch"))
+    return math.cos(pitch) * math.sin(yaw), math.cos(pitch) * math.cos(yaw), math.sin(pitch)
+
+
+def main() -> int:
+    """Kill, resume, count."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--kills", type=int, default=10)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--way", choices=("air", "pilot"), default="air")
+    options = parser.parse_args()
+    draw, done, results = random.Random(options.seed), 0, []
+    while done < options.kills:
+        wanted = min(KILLS_A_MISSION, options.kills - done)
+        seed = options.seed + len(results)
+        with tempfile.TemporaryDirectory(prefix="bladescout-kill-") as name:
+            result = fly(Path(name), seed, wanted, options.way, draw)
+        done += len(result["kills"])
+        results.append(result)
+        sys.stdout.write(json.dumps(result) + "\n")
+        sys.stdout.flush()
+    good = [
+        one for one in results
+        if one["state"] == MissionState.COMPLETED and not one["lost"] and not one["twice"]
+    ]  # fmt: skip
+    sys.stdout.write(
+        f"seed {options.seed}: {done} kills in {len(results)} missions, {len(good)} completed "
+        f"with no photo lost and none twice\n"
+    )
+    return 0 if len(good) == len(results) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
