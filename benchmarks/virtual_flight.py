@@ -37,8 +37,8 @@ from mission.flight.observation import (
     Vec3,
     Vehicle,
 )
-from mission.flight.passes import Section
 from mission.flight.rotor_model import MeasuredBlade, RotorModel, rotor_model
+from mission.flight.section import Section
 from mission.flight.sides import BladeFrame
 from perception.geometry import vec3, wrap_angle
 from perception.rotor import blade_angles_deg, direction_at

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from config.energy import leg_s, must_return_at, power_w
 from mission.flight.flight import Flight
 from mission.flight.footprint import tracking_speed_mps
+from mission.flight.leg import Leg
 from mission.flight.motion import shutter_s
-from mission.flight.passes import Leg
 from perception.geometry import vec3
 
 #: What the watch keeps above the charge at which the way home has to begin.

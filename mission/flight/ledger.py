@@ -10,7 +10,7 @@ from enum import Enum
 import numpy as np
 
 from config.settings import Settings
-from mission.flight.passes import Leg, SidePass
+from mission.flight.leg import Leg, SidePass
 from mission.flight.report import PassReport, Spread, covered_stretches
 from mission.flight.skin import Look, Mask, Skin
 

@@ -17,7 +17,8 @@ from scipy.sparse.csgraph import dijkstra
 from config.settings import Settings
 from config.turbine import Turbine
 from mission.flight.around import bearing_rad
-from mission.flight.passes import UPRIGHT, Leg, SidePass, plan_side
+from mission.flight.leg import Leg, SidePass
+from mission.flight.passes import UPRIGHT, plan_side
 from mission.flight.rotor_model import RotorModel
 from mission.flight.route import BEYOND_TIPS_M, OUTSIDE_COST, Roadmap, roadmap_steps
 from perception.geometry import wrap_angle

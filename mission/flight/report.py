@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 from mission.flight.command import MissionState, Phase
 from mission.flight.events import EventRecord
+from mission.flight.leg import Unseen
 from mission.flight.observation import RotorEstimate
-from mission.flight.passes import Unseen
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,8 +16,8 @@ from config.turbine import Turbine
 from mission.flight.earlier import Earlier, EarlierPhoto, OnBlade
 from mission.flight.flight import Flight
 from mission.flight.ledger import PhotoStatus
+from mission.flight.leg import Leg
 from mission.flight.observation import RotorEstimate
-from mission.flight.passes import Leg
 from mission.flight.plan import Plan
 from mission.flight.sides import BladeFrame
 from mission.flight.skin import Look

@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from mission.flight.flight import Flight
-from mission.flight.passes import Leg
+from mission.flight.leg import Leg
 from mission.flight.phases.live_offset import LiveOffset
 from perception.frame_drift import FrameDrift
 from perception.values import Float

@@ -10,9 +10,9 @@ from mission.flight.command import GimbalAim, PhotoCommand
 from mission.flight.flight import Flight
 from mission.flight.footprint import SKIN_NEARER_M
 from mission.flight.ledger import Photo, PhotoStatus
+from mission.flight.leg import Leg
 from mission.flight.motion import Motion, sight_w
 from mission.flight.observation import ExposureState
-from mission.flight.passes import Leg
 from mission.flight.skin import Look
 from perception.geometry import rotation_from_quaternion
 from perception.values import Float

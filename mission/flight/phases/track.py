@@ -18,8 +18,8 @@ from mission.flight.endurance import suffices
 from mission.flight.events import Event
 from mission.flight.flight import Flight, Intent
 from mission.flight.footprint import tracking_speed_mps
+from mission.flight.leg import Leg
 from mission.flight.motion import Motion, shutter_s
-from mission.flight.passes import Leg
 from mission.flight.phases.home import Home
 from mission.flight.phases.leave import StandOff, leave
 from mission.flight.phases.registration import Registration

@@ -1,6 +1,6 @@
 import pytest
 
-from mission.flight.passes import Unseen
+from mission.flight.leg import Unseen
 from mission.flight.report import covered_stretches
 
 

@@ -12,8 +12,8 @@ import pytest
 from config.settings import Settings
 from mission.flight.command import MissionState, Phase, PhotoCommand
 from mission.flight.events import Event, EventRecord, Reaction
+from mission.flight.leg import Unseen
 from mission.flight.observation import BladeEstimate, RotorEstimate
-from mission.flight.passes import Unseen
 from mission.flight.report import MissionReport, PassReport, PhaseTime
 from mission.records.files import EVENTS
 from mission.records.photos import PhotoSite, store
