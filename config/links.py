@@ -8,6 +8,8 @@ from pydantic import Field
 
 from config.model import ConfigModel, Positive
 
+#: As Zenoh writes them: tcp/127.0.0.1:7447; empty where there is none.
+END_POINT = r"^((tcp|udp|tls|quic|ws|vsock|serial|unixsock-stream|unixpipe)/[^ ]+)?$"
 TLS_END_POINT = r"^(tls/[^/ ]+:[0-9]{1,5})?$"
 
 
@@ -30,7 +32,7 @@ class Autopilot(ConfigModel):
 class Bus(ConfigModel):
     """The Zenoh bus: loopback for this computer's own processes, TLS for everyone else."""
 
-    listen: str = "tcp/127.0.0.1:7447"
+    listen: Annotated[str, Field(pattern=END_POINT)] = "tcp/127.0.0.1:7447"
     """End point on which `serve` opens the router to this computer's processes; without TLS."""
     insecure: bool = False
     """Let `listen` be reached from elsewhere: whoever reaches it may then start missions."""
@@ -44,7 +46,7 @@ class Bus(ConfigModel):
     """The other side's certificate must name the host that was connected to."""
     requests_per_s: Annotated[float, Field(gt=0, le=1000)] = 20.0
     """Requests that one client may make, after a burst of as many."""
-    connect: str = ""
+    connect: Annotated[str, Field(pattern=END_POINT)] = ""
     """End point that clients connect to; empty: the same as `listen`."""
 
     @property

@@ -9,6 +9,7 @@ from __future__ import annotations
 import datetime as dt
 import ipaddress
 import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -24,10 +25,17 @@ CA_DAYS = 3650
 CERTIFICATE_DAYS = 825
 #: A clock that is a little slow takes a new certificate all the same.
 _BACKDATED = dt.timedelta(hours=1)
+_HOST = re.compile(r"[A-Za-z0-9]([A-Za-z0-9._-]{0,251}[A-Za-z0-9])?")
 
 
 class BadCertificate(ValueError):
     """A certificate or key file cannot be read."""
+
+
+def check_host(host: str) -> None:
+    """Raise `BadCertificate` where what a holder shall be reached at is no address and no name."""
+    if _HOST.fullmatch(host) is None and ":" not in host:
+        raise BadCertificate(f"{host!r} is neither an address nor the name of a host")
 
 
 def make_authority(folder: Path, name: str, days: int = CA_DAYS) -> None:

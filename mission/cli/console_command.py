@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from mission.cli.exits import Exit, end
-from mission.cli.remote_commands import DEFAULT_ROUTER, Keys, Router
+from mission.cli.remote_commands import DEFAULT_ROUTER, Keys, Router, reached
 
 
 def console(
@@ -18,19 +18,11 @@ def console(
     open_: Annotated[bool, typer.Option("--open/--no-open", help="Open a browser.")] = False,
 ) -> None:
     """Serve the console on this computer until Ctrl-C: states, map, rotor, picture, requests."""
-    from drivers.bus import BusUnreachable
-    from drivers.bus_session import BusNotSafe
-    from drivers.certificates import BadCertificate
-    from mission.remote.client import NO_REPLY, bus_settings
+    from mission.remote.client import bus_settings
     from mission.remote.console.board import Board
     from mission.remote.console.server import ConsoleServer
 
-    try:
-        board = Board(bus_settings(router, keys))
-    except (BusNotSafe, BadCertificate) as error:
-        end(Exit.CONFIGURATION, str(error))
-    except BusUnreachable:
-        end(Exit.DEVICE, f"{router}: {NO_REPLY}")
+    board = reached(router, lambda: Board(bus_settings(router, keys)))
     try:
         server = ConsoleServer(board, port)
     except OSError as error:

@@ -111,6 +111,8 @@ def _turbine(name: str | None, scale: float) -> Turbine | None:
     from config.presets import load_turbine
 
     if name is None:
+        if scale != 1.0:
+            end(Exit.CONFIGURATION, f"--scale {scale:g}: of which type? Name it by --turbine")
         return None
     try:
         return load_turbine(name, scale)

@@ -10,7 +10,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from mission.cli.exits import Exit, end
+from mission.cli.remote_commands import reached
 
 if TYPE_CHECKING:
     from mission.remote.fleet import Fleet, Sighting
@@ -31,19 +31,10 @@ _STATE_STYLE = {
 
 def watch_all(router: str, keys: str) -> None:
     """Show every vehicle of a router until interrupted."""
-    from drivers.bus import BusUnreachable
-    from drivers.bus_session import BusNotSafe
-    from drivers.certificates import BadCertificate
-    from mission.remote.client import NO_REPLY, bus_settings
+    from mission.remote.client import bus_settings
     from mission.remote.fleet import Fleet
 
-    try:
-        fleet = Fleet(bus_settings(router, keys))
-    except (BusNotSafe, BadCertificate) as error:
-        end(Exit.CONFIGURATION, str(error))
-    except BusUnreachable:
-        end(Exit.DEVICE, f"{router}: {NO_REPLY}")
-    with fleet:
+    with reached(router, lambda: Fleet(bus_settings(router, keys))) as fleet:
         try:
             _show(fleet, Console())
         except KeyboardInterrupt:

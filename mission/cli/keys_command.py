@@ -75,10 +75,12 @@ def _make(
         read_roles,
         write_roles,
     )
-    from drivers.certificates import issue, make_authority
+    from drivers.certificates import check_host, issue, make_authority
 
-    for name in wanted:
+    for name, (_, hosts) in wanted.items():
         check_name(name)
+        for host in hosts:
+            check_host(host)
     roles = read_roles(folder)
     if not (folder / CA_FILE).is_file():
         make_authority(folder, "bladescout site")

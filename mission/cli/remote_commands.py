@@ -8,7 +8,7 @@ import time
 import uuid
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from mission.remote.client import Client
     from mission.remote.messages import Reply
 
+Opened = TypeVar("Opened")
 DEFAULT_ROUTER = "tcp/127.0.0.1:7447"
 
 Vehicle = Annotated[
@@ -42,15 +43,26 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print the reply as JSON.")
 
 def connect(vehicle: str, router: str, keys: str) -> Client:
     """Return a client, or end with one sentence."""
-    from drivers.bus import BusUnreachable
-    from drivers.bus_session import BusNotSafe
-    from drivers.certificates import BadCertificate
-    from mission.remote.client import NO_REPLY, Client
+    from mission.remote.client import Client
 
     if re.fullmatch(r"[A-Za-z0-9_-]{1,32}", vehicle) is None:
         end(Exit.CONFIGURATION, f"--vehicle {vehicle!r}: up to 32 letters, digits, '_' and '-'")
+    return reached(router, lambda: Client(vehicle, router=router, keys=keys))
+
+
+def reached(router: str, opening: Callable[[], Opened]) -> Opened:
+    """Return what is opened at a router, or end with one sentence."""
+    from pydantic import ValidationError
+
+    from drivers.bus import BusUnreachable
+    from drivers.bus_session import BusNotSafe
+    from drivers.certificates import BadCertificate
+    from mission.remote.client import NO_REPLY
+
     try:
-        return Client(vehicle, router=router, keys=keys)
+        return opening()
+    except ValidationError:
+        end(Exit.CONFIGURATION, f"--router {router!r}: write it as tcp/HOST:PORT or tls/HOST:PORT")
     except (BusNotSafe, BadCertificate) as error:
         end(Exit.CONFIGURATION, str(error))
     except BusUnreachable:

@@ -32,7 +32,7 @@ _COLUMNS = (
 
 
 class CannotExport(ValueError):
-    """The mission has no photos, or the folder is not free."""
+    """The mission has no photos, or the folder is not free or cannot be made."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +61,10 @@ def export(mission: Path, to: Path, *, rejected: bool = False) -> Exported:
     found = _records(mission, rejected=rejected)
     if to.exists() and (not to.is_dir() or any(to.iterdir())):
         raise CannotExport(f"{to} is not an empty folder")
+    try:
+        to.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise CannotExport(f"{to}: no folder can be made there: {error.strerror}") from error
     named = [(record, path, path.relative_to(mission).as_posix()) for record, path in found]
     for _, path, name in named:
         target = to / name

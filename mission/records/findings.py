@@ -99,8 +99,10 @@ def read_findings(path: Path, folder: Path) -> list[Finding]:
     """Return the findings of a CSV or COCO file on a mission's blades. Raises `BadFindings`."""
     try:
         text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise BadFindings(f"{path} cannot be read: {error}") from error
+    except OSError as error:
+        raise BadFindings(f"{path} cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise BadFindings(f"{path} is no text in UTF-8") from error
     rows = _coco_rows(path, text, folder) if path.suffix == ".json" else _csv_rows(path, text)
     found = [_placed(row, f"{path}, {where}", folder) for where, row in rows]
     ordered = sorted(found, key=lambda one: (-one.severity, one.blade, one.side, one.metre))

@@ -75,8 +75,10 @@ def load_farm(path: Path) -> Farm:
     """Return a farm file's content. Raises `config.errors.ConfigError`."""
     try:
         table = tomllib.loads(path.read_text())
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"{path}: {error}") from error
+    except OSError as error:
+        raise ConfigError(f"{path} cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        raise ConfigError(f"{path}: not valid TOML: {error}") from error
     try:
         return Farm.model_validate(table)
     except ValidationError as error:
