@@ -23,6 +23,9 @@ SLOT_BYTES = 1500
 _PACKETS_PER_S = 2084
 #: A packet from farther ahead of our own time than this cannot be right.
 _AHEAD_S = 0.5
+#: One farther ahead of the packet before is believed once another goes on from there: a damaged
+#: time would cut off the scan, and all that is right would come from the past for a while.
+_LEAP_NS = 20_000_000
 _WRAP = 1 << 16
 #: A scan that covers less of its period is thrown away: free space that nobody looked at must not
 #: pass for free.
@@ -62,6 +65,7 @@ class ScanAssembler:
         self._start_ns: int | None = None
         self._limit_ns: float = np.inf
         self._epoch = NewEpoch()
+        self._leapt_ns: int | None = None
         self._last_number: int | None = None
         self._lost_before_scan = 0
         self.newest_ns = -1
@@ -107,11 +111,22 @@ class ScanAssembler:
                 self._dropped[Dropped.PAST if past else Dropped.FUTURE] += 1
                 return None
             self._restart()
+        elif self._leaps(stamp_ns):
+            self._dropped[Dropped.FUTURE] += 1
+            return None
         scan = self._finish_before(header)
         self._append(header)
         if self._is_complete(header):
             scan = self.finish()
         return scan
+
+    def _leaps(self, stamp_ns: int) -> bool:
+        """Return whether a packet comes from well ahead of the one before, as the first to."""
+        newest_ns, leapt_ns = self.newest_ns, self._leapt_ns
+        ahead = self._start_ns is not None and stamp_ns > newest_ns + _LEAP_NS
+        goes_on = leapt_ns is not None and leapt_ns < stamp_ns <= leapt_ns + _LEAP_NS
+        self._leapt_ns = stamp_ns if ahead else None
+        return ahead and not goes_on
 
     def look(self, size: int) -> bool:
         """Take only the time of the datagram in `slot`; False where it makes no sense."""

@@ -52,11 +52,13 @@ def wild_datagrams(damaged, seed=6):
     rng, dropped = np.random.default_rng(seed), Counter()
     assembler = ScanAssembler(0.1, (0.5, 70.0), SensorClock(), dropped)
     scans = fed = 0
+    used = [0, 0]
     start_s = time.process_time()
     while fed < damaged:
         batch = min(2000, damaged - fed)
         for packet in _valid(batch, fed):
-            for datagram in (packet, _spoil(packet, int(rng.integers(5)), rng)):
+            spoilt = _spoil(packet, int(rng.integers(5)), rng)
+            for which, datagram in enumerate((packet, spoilt)):
                 read_header(datagram, len(datagram))
                 decode_imu(datagram)
                 decode_frame(datagram)
@@ -65,19 +67,21 @@ def wild_datagrams(damaged, seed=6):
                 before = assembler.packets
                 scan = assembler.accept(size)
                 if assembler.packets > before:
+                    used[which] += 1
                     newest_ns = assembler.newest_ns
                     assembler.observe(newest_ns, 1000.0 + newest_ns * 1e-9 + 0.001)
                 scans += scan is not None
         fed += batch
     took_s = time.process_time() - start_s
     expected = damaged * STEP_NS * 1e-9 / 0.1
-    used = assembler.packets / damaged
-    # A flipped bit may make a time or a number that could be true: those few cost their scan.
-    assert used >= 0.7
-    assert scans >= 0.7 * expected, (scans, expected)
+    # A few that flipped bits have made a credible one of are used; no valid one is lost for them.
+    assert used[0] >= 0.999 * damaged, used
+    assert used[1] <= 0.02 * damaged, used
+    assert scans >= expected - 1, (scans, expected)
     words = (
         f"{damaged} damaged, {sum(dropped.values())} dropped and counted, {scans} scans of "
-        f"{expected:.0f}, {used:.1%} of the valid ones used, {2 * damaged / took_s:.0f} "
-        "datagrams/s of processor time"
+        f"{expected:.0f}, {used[0] / damaged:.2%} of the valid ones used and "
+        f"{used[1] / damaged:.1%} of the damaged, {2 * damaged / took_s:.0f} datagrams/s of "
+        "processor time"
     )
     return Seen(damaged, frozenset({"dropped"} if dropped else ()), end="received", figure=words)

@@ -273,8 +273,8 @@ def sensing_dies_three_times():
 
 _FIT = "tests/perception/test_rotor_fit.py::"
 _CREDIBLE_6 = (
-    "a datagram whose flipped bits make a credible time of up to half a second ahead costs the "
-    "scans of that time (on a real link the checksum of UDP catches it first)"
+    "a datagram in whose header flipped bits leave a credible number and time is used (the "
+    "checksum of UDP catches it first on a real link)"
 )
 _PRODUCT_13 = (
     "between two passes over the same blade its angle repeats to 0.8 deg (1 sigma of 16 pairs of "

@@ -296,18 +296,19 @@ _LIMITS_27 = (
     "is not noticed; clearance is taken from the scans of the moment all the same"
 )
 _LIMITS_30 = (
-    "once there is a model, the LiDAR's blind sectors are taken for free where the model is; "
-    "before there is one, a way that a phase flies opens its own corridor (the closed sphere, the "
-    "scans and what was never seen bind it all the same); what was seen longer than 120 s ago is "
-    "left to the model"
+    "once there is a model, the LiDAR's blind sectors are taken for free within the plan's "
+    "corridors (one tick in twenty along two sides leads, steeply downwards, into a place never "
+    "seen in it); before there is one, a way that a phase flies opens its own corridor (the "
+    "closed sphere, the scans and what was never seen bind it all the same); what was seen longer "
+    "than 120 s ago is left to the model"
 )
 _LIMITS_24 = (
     "a missing remote control cannot be waived in the request; whether a fence is loaded is not "
     "looked at, only what the autopilot does at it"
 )
 _LIMITS_22 = (
-    "RESUME after a takeover is not reachable from the command line: the mission has ended and "
-    "its folder is closed; a new start is needed"
+    "after a takeover the mission has ended: what is missing is flown from the ground by "
+    "`bladescout resume`; in the air nothing of ours takes the vehicle back"
 )
 
 ROWS = (

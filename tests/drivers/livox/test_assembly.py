@@ -170,3 +170,19 @@ def test_an_imu_sample_that_came_sooner_sets_the_clock_and_one_from_the_future_d
     rig.assembler.observe(10**15, 1000.1)
     rig.feed(packets(200, first_ns=100 * STEP_NS, first_number=100), delay_s=0.3)
     assert rig.scans[0].stamp_s == pytest.approx(1000.002 + 208 * 96 * 5e-6, abs=1e-3)
+
+
+def test_one_packet_from_ahead_costs_no_scan():
+    valid = packets(2084)
+    (ahead,) = packets(1, first_ns=1000 * STEP_NS + 300_000_000, first_number=77)
+    rig = Rig().feed([*valid[:1000], ahead, *valid[1000:]])
+    assert len(rig.scans) == 10
+    assert rig.assembler.packets == len(valid)
+    assert rig.dropped == {Dropped.FUTURE: 1}
+
+
+def test_after_a_loss_the_second_packet_is_believed():
+    valid = packets(2084)
+    rig = Rig().feed([*valid[:800], *valid[1000:]])
+    assert rig.dropped[Dropped.FUTURE] == 1
+    assert rig.assembler.packets == len(valid) - 200 - 1
