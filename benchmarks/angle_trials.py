@@ -14,7 +14,7 @@ from benchmarks.angle_scenes import AngleScene
 from config.settings import Settings
 from perception.baselines.line_fit import Variant
 from perception.geometry import stop_angle_difference_deg
-from perception.rotor import Refusal, Rotor
+from perception.rotor import Refusal, RefusalCode, Rotor
 from perception.rotor_fit import fit_rotor
 from perception.stop_angle import FermatEstimator
 
@@ -72,13 +72,20 @@ def ours(
 
 
 def fermat(seed: int, scene: AngleScene) -> Trial:
-    """Answer by the paper's loop on one cloud, until two of its angles agree."""
+    """Answer by the paper's loop on one cloud, until two of its angles agree.
+
+    Where a later pass finds no three blades, the loop keeps what the pass before found, as
+    Algorithm 1 keeps p_h^(i-1).
+    """
     settings = Settings()
     method = FermatEstimator(settings.fermat, agree_deg=settings.estimation.agree_deg)
     start = time.thread_time()
+    answer: Rotor | Refusal = Refusal(RefusalCode.NO_POINTS, "not looked")
     for _ in range(PASSES):
-        answer = method.update(scene.points_w, scene.origins_w, scene.prior_hub_w)
-        if isinstance(answer, Refusal) or method.converged:
+        found = method.update(scene.points_w, scene.origins_w, scene.prior_hub_w)
+        if isinstance(found, Rotor) or not isinstance(answer, Rotor):
+            answer = found
+        if isinstance(found, Refusal) or method.converged:
             break
     took = (time.thread_time() - start) / method.iterations
     return _judged(_blank(seed, scene, took), scene, answer)

@@ -14,9 +14,9 @@ import numpy as np
 from perception.values import Float
 from perception.voxel_hash import Int64, compiled
 
-HYPOTHESES, ROUNDS = 256, 3
+HYPOTHESES, ROUNDS = 800, 3
 #: Hypotheses are judged on at most this many points; the refinement uses all.
-JUDGES = 1000
+JUDGES = 500
 
 
 @dataclass(frozen=True, slots=True, eq=False)
