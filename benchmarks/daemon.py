@@ -16,6 +16,7 @@ from pathlib import Path
 
 import psutil
 
+from benchmarks.daemon_flood import FLOOD_PER_S, Gaps, flood, gaps
 from benchmarks.daemon_usage import Shares, Usage, memory_mb
 from benchmarks.replayed_stream import ReplayedStream
 from config.settings import Settings
@@ -59,6 +60,17 @@ class Measured:
     ready_cpu_s: float
     """CPU seconds of all processes until then."""
     stages: tuple[Stage, ...]
+    flood: Flood | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Flood:
+    """Setpoints in quiet and in a flood of requests."""
+
+    asked_per_s: float
+    """Requests a mission second."""
+    quiet: Gaps
+    flooded: Gaps
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,8 +134,8 @@ def rig(seed: int, speed: float) -> Iterator[Rig]:
             world.close()
 
 
-def measure(seed: int, seconds: float, speed: float, *, fly: bool) -> Measured:
-    """Measure a daemon that is idle and, where asked for, one that flies.
+def measure(seed: int, seconds: float, speed: float, *, fly: bool, track: bool) -> Measured:
+    """Measure a daemon that is idle and, where asked for, one that flies as far as along a blade.
 
     ``seconds``: mission time of each stage; ``speed``: mission seconds a second.
     """
@@ -132,9 +144,15 @@ def measure(seed: int, seconds: float, speed: float, *, fly: bool) -> Measured:
         ready_cpu_s = sum(up.usage().cpu_s.values())
         up.wait(_SETTLE_S)
         stages = [_stage(up, "idle", seconds, 5.0)]
+        flooded = None
         if fly:
-            stages += _flight(up, seconds)
-    return Measured(ready_s, ready_cpu_s, tuple(stages))
+            newest = _start(up)
+            if _reached(up, newest, Phase.ASCEND):
+                stages.append(_stage(up, "ascent", seconds, 120.0, 1200.0))
+                flooded = _flood(up, seconds, speed)
+            if track and _reached(up, newest, Phase.TRACK):
+                stages.append(_stage(up, "along a blade", seconds, 120.0, 1200.0))
+    return Measured(ready_s, ready_cpu_s, tuple(stages), flooded)
 
 
 def _until_ready(up: Rig) -> float:
@@ -180,27 +198,36 @@ def _stage(up: Rig, name: str, seconds: float, goal: float, goal_mb: float | Non
     return Stage(name, shares, memory_mb(up.root), scans_hz, frames_hz, goal, goal_mb)
 
 
-def _flight(up: Rig, seconds: float) -> Iterator[Stage]:
-    """Start a mission; yield what the way up to the rotor costs, and then flying along blades."""
+def _start(up: Rig) -> list[StateMessage]:
+    """Start a mission; return a list that holds its newest state."""
     newest: list[StateMessage] = []
     up.client.watch(lambda state: newest.__setitem__(slice(None), [state]))
     (site,) = up.settings.sites
     reply = up.client.start(site.name, operator="bench", rotor_locked=True)
     if not reply.ok:
         raise RuntimeError(reply.text)
-    for phase, name in ((Phase.ASCEND, "ascent"), (Phase.TRACK, "along a blade")):
-        _await_phase(up, newest, phase)
-        yield _stage(up, name, seconds, 120.0, 1200.0)
+    return newest
 
 
-def _await_phase(up: Rig, newest: list[StateMessage], phase: Phase) -> None:
+def _flood(up: Rig, seconds: float, speed: float) -> Flood:
+    """Compare the setpoints of some time with those of as long a flood."""
+    quiet = gaps(up.bus, lambda: up.wait(seconds))
+    with flood(up.settings.bus, up.settings.vehicle, FLOOD_PER_S * speed) as asked:
+        before, begun_s = asked(), up.clock.now_s()
+        flooded = gaps(up.bus, lambda: up.wait(seconds))
+        per_s = (asked() - before) / (up.clock.now_s() - begun_s)
+    return Flood(per_s, quiet, flooded)
+
+
+def _reached(up: Rig, newest: list[StateMessage], phase: Phase) -> bool:
+    """Wait for a phase; False where the mission ended before, or did not come to it."""
     deadline_s = up.clock.now_s() + _FLIGHT_S
     while up.clock.now_s() < deadline_s:
         up.daemon.check()
         progress = newest[-1].progress if newest else None
         if progress is not None and progress.phase is phase:
-            return
+            return True
         if progress is not None and progress.state in TERMINAL:
-            raise RuntimeError(f"the mission ended before: {progress.words}")
+            return False
         time.sleep(0.1)
-    raise RuntimeError(f"the mission did not come to {phase}")
+    return False

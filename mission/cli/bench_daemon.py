@@ -21,6 +21,7 @@ def daemon(
     speed: Annotated[float, typer.Option(min=0.05, max=1, help="Below 1 on a busy machine.")] = 1.0,
     seed: Annotated[int, typer.Option(help="Draws turbine, weather and launch.")] = 1,
     fly: Annotated[bool, typer.Option(help="Start a mission too (minutes).")] = True,
+    track: Annotated[bool, typer.Option(help="Fly on as far as along a blade.")] = True,
     threads: Annotated[bool, typer.Option(help="Show the threads that cost most.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
@@ -30,7 +31,7 @@ def daemon(
 
     here = machine()
     with Console(stderr=True).status("measuring"):
-        found = measure(seed, seconds, speed, fly=fly)
+        found = measure(seed, seconds, speed, fly=fly, track=track)
     now = datetime.now(UTC).isoformat(timespec="seconds")
     if as_json:
         answer = {
@@ -52,6 +53,7 @@ def daemon(
                 }
                 for stage in found.stages
             ],
+            "flood": None if found.flood is None else asdict(found.flood),
         }
         sys.stdout.write(json.dumps(answer) + "\n")
         return
@@ -62,6 +64,15 @@ def daemon(
         f"{here.cpu}; load {here.load_1_min:.1f} (1 min) before",
         soft_wrap=True,
     )
+    if found.flood is not None:
+        quiet, flooded = found.flood.quiet, found.flood.flooded
+        out.print(
+            f"setpoint gap p50 / p99 / max: "
+            f"{quiet.p50:.0f} / {quiet.p99:.0f} / {quiet.most:.0f} ms; "
+            f"in a flood of {found.flood.asked_per_s:.0f} requests a second: "
+            f"{flooded.p50:.0f} / {flooded.p99:.0f} / {flooded.most:.0f} ms",
+            soft_wrap=True,
+        )
     if threads:
         for stage in found.stages:
             for process, thread, share in stage.shares.by_thread(0.2):
