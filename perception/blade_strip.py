@@ -32,8 +32,8 @@ NARROWEST, WIDEST = 0.55, 1.15
 #: The axis runs within the blade, this share of the width from its edges at least.
 WITHIN = 0.15
 #: A blade farther aside than this from where it is expected is less likely: seen by the LiDAR just
-#: now, or known by the fitted rotor alone.
-SEEN_SIGMA_M, MODEL_SIGMA_M = 0.4, 0.7
+#: now, or only aimed at.
+SEEN_SIGMA_M, AIMED_SIGMA_M = 0.4, 0.7
 #: No blade is farther from there than this many sigmas.
 REACH_SIGMAS = 1.5
 #: Found places are joined over so many frames, and forgotten after this time (s).

@@ -10,7 +10,7 @@ import numpy as np
 from config.settings import Settings
 from config.turbine import Turbine
 from mission.flight.command import SensingTask
-from perception.blade_strip import MODEL_SIGMA_M, SEEN_SIGMA_M, StripFollower, find_strip
+from perception.blade_strip import AIMED_SIGMA_M, SEEN_SIGMA_M, StripFollower, find_strip
 from perception.geometry import pinhole_matrix
 from perception.metering import Metered, blade_outline, meter_disc, meter_outline
 from perception.projection import project
@@ -23,6 +23,8 @@ SHOWN_WIDTH = 0.7
 #: How far from the middle of the picture the blade counts, in radii of the paper's disc: where it
 #: is only supposed to be, and where the picture shows it.
 SUPPOSED_RADII, SHOWN_RADII = 4.0, 2.5
+#: Aimed farther beside the modelled axis than this, the camera looks at something else.
+MOST_DRIFT_M = 4.0
 #: The metre is known to this share of the blade.
 ABOUT = 0.06
 _STATIONS = 60
@@ -68,7 +70,10 @@ class BladeMetering:
             settings.focal_length_mm / settings.sensor_width_mm * width, width, height
         )
         root_w, tip_w = np.asarray(task.blade_root_w), np.asarray(task.blade_tip_w)
-        shift_w = _beside(foot_w, root_w, tip_w)
+        # Where the LiDAR does not see it, the camera is still aimed where the flight has it.
+        shift_w = _aimed_beside(camera, root_w, tip_w)
+        if foot_w is not None:
+            shift_w = _beside(foot_w, root_w, tip_w)
         root_w, tip_w = root_w + shift_w, tip_w + shift_w
         radius_px = self._settings.exposure.disc_radius * width
         near_w = looked_at(camera, root_w, tip_w)
@@ -76,7 +81,7 @@ class BladeMetering:
         if turbine is not None:
             found = self._on_blade(
                 frame, camera, matrix, (root_w, tip_w, near_w), turbine,
-                None if foot_w is None else shift_w,
+                shift_w, seen=foot_w is not None,
             )  # fmt: skip
             if found is not None:
                 return found
@@ -92,12 +97,14 @@ class BladeMetering:
         matrix: Float,
         axis: tuple[Float, Float, Float],
         turbine: Turbine,
-        shift_w: Float | None,
+        shift_w: Float,
+        *,
+        seen: bool,
     ) -> MeteredBlade | None:
         """Meter a strip along the blade.
 
         ``axis``: root, tip and the point looked at, (3,) each; ``shift_w``: (3,) of them from where
-        the model has them, None: the LiDAR does not see the blade.
+        the model has them; ``seen``: the LiDAR has the blade.
         """
         radius_px = self._settings.exposure.disc_radius * frame.grey.shape[1]
         root_w, tip_w, near_w = axis
@@ -115,12 +122,10 @@ class BladeMetering:
             matrix,
             chord_m=float(chord[about].max()),
             thickness_m=float(thick[about].min()),
-            sigma_m=MODEL_SIGMA_M if shift_w is None else SEEN_SIGMA_M,
+            sigma_m=SEEN_SIGMA_M if seen else AIMED_SIGMA_M,
         )
         aside_w = _aside(tip_w - root_w, near_w - camera.position_w)
-        place = self._follower.update(
-            strip, frame.stamp_s, 0.0 if shift_w is None else float(shift_w @ aside_w)
-        )
+        place = self._follower.update(strip, frame.stamp_s, float(shift_w @ aside_w))
         half_m, reach_px = 0.5 * SURE_WIDTH * thick, SUPPOSED_RADII * radius_px
         if place is not None:
             middle_m, width_m = place
@@ -152,10 +157,22 @@ def _aside(axis_w: Float, sight_w: Float) -> Float:
     return np.asarray(across / max(float(np.linalg.norm(across)), 1e-9), np.float64)
 
 
-def _beside(foot_w: Float | None, root_w: Float, tip_w: Float) -> Float:
+def _aimed_beside(camera: CameraPose, root_w: Float, tip_w: Float) -> Float:
+    """Return how far (3,) beside the modelled axis the camera is aimed; 0 where not at the blade.
+
+    The flight aims by what it has learned of the position's drift; the model knows none of it.
+    """
+    nearest_w = looked_at(camera, root_w, tip_w)
+    sight = camera.rotation_wc[:, 2]
+    away = nearest_w - camera.position_w
+    beside: Float = (away @ sight) * sight - away
+    axis = (tip_w - root_w) / np.linalg.norm(tip_w - root_w)
+    beside = beside - (beside @ axis) * axis
+    return beside if float(np.linalg.norm(beside)) < MOST_DRIFT_M else np.zeros(3)
+
+
+def _beside(foot_w: Float, root_w: Float, tip_w: Float) -> Float:
     """Return how far (3,) the blade was last seen beside the modelled axis."""
-    if foot_w is None:
-        return np.zeros(3)
     axis = (tip_w - root_w) / np.linalg.norm(tip_w - root_w)
     offset = foot_w - root_w
     across: Float = offset - (offset @ axis) * axis
