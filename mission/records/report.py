@@ -33,8 +33,8 @@ from mission.records.mission_file import (
     PhotoPart,
     read_mission,
 )
-from mission.records.photo_record import NotARecord, read_record
-from mission.records.report_blade_map import not_asked, not_inspected, side_maps
+from mission.records.photo_record import NotARecord, read_record, stored_records
+from mission.records.report_blade_map import not_asked, not_inspected, side_maps, skins_of
 from mission.records.report_course import bar, clock, happenings, labelled, plots
 from mission.records.report_facts import changed_settings, facts, local, logo_data, told_in
 from mission.records.report_rotor import rotor_picture
@@ -90,6 +90,7 @@ def write_report(
     mission = _told(read_mission(folder), folder, dict(told or {}))
     events = _events(folder / EVENTS)
     sheets = _sheets(folder, mission)
+    skins = skins_of(mission, stored_records(folder))
     tones = {
         one.photo.file: one.tones for sheet in sheets for one in sheet.kept if one.tones is not None
     }
@@ -101,8 +102,8 @@ def write_report(
         logo=logo_data(settings.logo),
         facts=facts(mission),
         rotor_picture=rotor_picture(mission),
-        maps=side_maps(mission),
-        missing=not_inspected(mission),
+        maps=side_maps(mission, skins),
+        missing=not_inspected(mission, skins),
         not_asked=not_asked(mission),
         curves=curves(mission, tones),
         bands={"mean": MEAN, "sigma": SIGMA, "entropy": ENTROPY},

@@ -9,15 +9,36 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
 from mission.records.mission_file import MissionFile, PassPart, PhotoPart, ShapePart
+from mission.records.photo_record import PhotoRecord
+from mission.records.skin_map import BINS, ROWS, Bools, SkinMap, skin_map
+from perception.values import Float
 
 WIDTH, MIDDLE, HALF_HEIGHT = 1000.0, 34.0, 27.0
 _GRID_STEPS_M = (5, 10, 20, 25, 50)
 _MOST_GRID_LINES = 9
 _OUTLINE_STATIONS = 60
+_LIMIT_MM = 1.5
+"""The wanted GSD where a mission does not tell it."""
+_LEVELS = 10
+"""Steps of colour up to the limit."""
+_KNOTS = 5
+"""A patch's edge follows the outline at every so many bins."""
+_LEAST_GAP_M = 1.0
+_STRIPS = (
+    ("towards the suction side", "along the edge", "towards the pressure side"),
+    ("towards the leading edge", "along the middle", "towards the trailing edge"),
+)
+_WHY = (
+    "beside every kept picture",
+    "only in pictures that are too coarse",
+    "only seen too flat, at more than 60°",
+)
+Skins: TypeAlias = Mapping[tuple[str, str], SkinMap]
 #: Finer than this looks the same on the map; the coarsest is where the wanted limit lies.
 _FINE, _COARSE = (17, 66, 105), (148, 190, 219)
 _TOO_COARSE = "#d68a2d"
@@ -51,6 +72,18 @@ class Dot:
 
 
 @dataclass(frozen=True, slots=True)
+class Patch:
+    """A piece of one side's skin that looks the same."""
+
+    path: str
+    """Of SVG."""
+    kind: str
+    """`seen`, `missed` or `unseen` (out of reach)."""
+    colour: str
+    words: str
+
+
+@dataclass(frozen=True, slots=True)
 class SideMap:
     """One side of one blade."""
 
@@ -65,6 +98,8 @@ class SideMap:
     photos: tuple[Dot, ...]
     metres: tuple[Dot, ...]
     true_coverage: float | None
+    skin: tuple[Patch, ...] = ()
+    """The skin itself, where the photos' records tell of it; `seen` and the rest are then idle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +113,19 @@ class NotInspected:
     why: str
 
 
-def side_maps(mission: MissionFile) -> list[SideMap]:
+def skins_of(mission: MissionFile, records: Sequence[PhotoRecord]) -> Skins:
+    """Return the skin of every pass that the photos' records tell of, by blade and side."""
+    limit_mm = mission.inspection.max_gsd_mm or _LIMIT_MM
+    found = {}
+    for one in mission.passes:
+        mine = [record for record in records if record.blade == one.blade]
+        skin = skin_map(mine, one.side, one.length_m, limit_mm)
+        if skin is not None:
+            found[one.blade, one.side] = skin
+    return found
+
+
+def side_maps(mission: MissionFile, skins: Skins | None = None) -> list[SideMap]:
     """Return the map of every pass, in the order of blades and sides."""
     truth: Mapping[str, Mapping[str, float | None]]
     truth = {} if mission.truth is None else mission.truth.coverage
@@ -86,7 +133,12 @@ def side_maps(mission: MissionFile) -> list[SideMap]:
     limit_mm = mission.inspection.max_gsd_mm
     return [
         _side_map(
-            one, _photos_of(mission, one), shape, limit_mm, truth.get(one.blade, {}).get(one.side)
+            one,
+            _photos_of(mission, one),
+            shape,
+            limit_mm,
+            truth.get(one.blade, {}).get(one.side),
+            (skins or {}).get((one.blade, one.side)),
         )
         for one in mission.passes
     ]
@@ -103,6 +155,7 @@ def _side_map(
     shape: ShapePart,
     limit_mm: float | None,
     true_coverage: float | None,
+    skin: SkinMap | None,
 ) -> SideMap:
     scale = WIDTH / max(one.length_m, 1e-6)
     kept = sorted((p for p in photos if p.kept), key=lambda photo: photo.metre)
@@ -139,6 +192,7 @@ def _side_map(
         tuple(dots),
         tuple(metres),
         true_coverage,
+        () if skin is None else _patches(one, skin, shape, limit_mm or _LIMIT_MM),
     )
 
 
@@ -160,7 +214,7 @@ def _by_nearest(
 
 def gsd_colour(gsd_mm: float | None, limit_mm: float | None) -> str:
     """Return the map's colour for a pixel's size: dark is fine, orange is above the limit."""
-    limit = 1.5 if limit_mm is None else limit_mm
+    limit = limit_mm or _LIMIT_MM
     if gsd_mm is None:
         return "#7d93a3"
     if gsd_mm > limit:
@@ -183,8 +237,8 @@ def gaps_of(one: PassPart) -> list[tuple[float, float]]:
     return found
 
 
-def not_inspected(mission: MissionFile) -> list[NotInspected]:
-    """Return everything that was asked for and not seen, and why; sides not asked for, too."""
+def not_inspected(mission: MissionFile, skins: Skins | None = None) -> list[NotInspected]:
+    """Return everything that was asked for and not seen, and why: metres, and strips of skin."""
     found = []
     for one in mission.passes:
         found += [
@@ -196,6 +250,9 @@ def not_inspected(mission: MissionFile) -> list[NotInspected]:
             NotInspected(one.blade, one.side, low, high, _why(mission, one, photos, low, high))
             for low, high in gaps_of(one)
         ]
+        skin = (skins or {}).get((one.blade, one.side))
+        if skin is not None:
+            found += _skin_gaps(one, skin)
     return sorted(found, key=lambda gap: (gap.blade, gap.side, gap.from_m))
 
 
@@ -227,8 +284,8 @@ def not_asked(mission: MissionFile) -> list[str]:
     return [f"blade {blade}: {', '.join(sides)}" for blade, sides in missing.items() if sides]
 
 
-def _outline(shape: ShapePart, side: str) -> str:
-    span = np.linspace(0.0, 1.0, _OUTLINE_STATIONS)
+def _edges(shape: ShapePart, side: str, span: Float) -> tuple[Float, Float]:
+    """Return y of the outline's top and bottom (N,) at shares of the length (N,)."""
     chord = np.interp(span, shape.span, shape.chord_m)
     if side in ("PS", "SS"):
         above = chord * np.interp(span, shape.span, shape.pitch_axis)
@@ -245,7 +302,81 @@ def _outline(shape: ShapePart, side: str) -> str:
     )
     if side in ("LE", "TE"):
         axis = MIDDLE
-    x = WIDTH * span
-    top = [f"{a:.1f},{axis - scale * b:.1f}" for a, b in zip(x, above, strict=True)]
-    bottom = [f"{a:.1f},{axis + scale * b:.1f}" for a, b in zip(x, below, strict=True)]
-    return " ".join([*top, *reversed(bottom)])
+    return axis - scale * above, axis + scale * below
+
+
+def _outline(shape: ShapePart, side: str) -> str:
+    span: Float = np.linspace(0.0, 1.0, _OUTLINE_STATIONS, dtype=np.float64)
+    top, bottom = _edges(shape, side, span)
+    upper = [f"{x:.1f},{y:.1f}" for x, y in zip(WIDTH * span, top, strict=True)]
+    lower = [f"{x:.1f},{y:.1f}" for x, y in zip(WIDTH * span, bottom, strict=True)]
+    return " ".join([*upper, *reversed(lower)])
+
+
+def _patches(one: PassPart, skin: SkinMap, shape: ShapePart, limit_mm: float) -> tuple[Patch, ...]:
+    """Return the skin row by row, stretches that look the same as one patch."""
+    edges: Float = np.linspace(0.0, 1.0, BINS + 1, dtype=np.float64)
+    top, bottom = _edges(shape, one.side, edges)
+    found = []
+    for row in range(ROWS):
+        begin = 0
+        looks = [_look(one, skin, row, column, limit_mm) for column in range(BINS)]
+        for column in range(1, BINS + 1):
+            if column < BINS and looks[column] == looks[begin]:
+                continue
+            kind, level = looks[begin]
+            if kind:
+                knots = sorted({begin, *range(begin, column, _KNOTS), column})
+                path = [
+                    f"{WIDTH * edges[k]:.1f} {top[k] + share * (bottom[k] - top[k]):.1f}"
+                    for share, order in ((row / ROWS, knots), ((row + 1) / ROWS, knots[::-1]))
+                    for k in order
+                ]
+                low, high = (one.length_m * float(edges[k]) for k in (begin, column))
+                words = f"{low:.1f} to {high:.1f} m"
+                if kind == "seen":
+                    words += f", {level * limit_mm / _LEVELS:.2f} mm a pixel"
+                colour = gsd_colour(level * limit_mm / _LEVELS, limit_mm) if kind == "seen" else ""
+                found.append(Patch("M" + "L".join(path) + "Z", kind, colour, words))
+            begin = column
+    return tuple(found)
+
+
+def _look(one: PassPart, skin: SkinMap, row: int, column: int, limit_mm: float) -> tuple[str, int]:
+    """Return how a cell is drawn: its kind, and the step of its GSD."""
+    if not skin.on_side[row, column]:
+        return "", 0
+    if skin.seen[row, column]:
+        return "seen", round(float(skin.gsd_mm[row, column]) / limit_mm * _LEVELS)
+    metre = (column + 0.5) * one.length_m / BINS
+    away = any(gap.from_m <= metre <= gap.to_m for gap in one.unseen)
+    return ("unseen" if away else "missed"), 0
+
+
+def _skin_gaps(one: PassPart, skin: SkinMap) -> list[NotInspected]:
+    """Return where a strip of a side's skin is in no kept photo although its metres are."""
+    named = [*gaps_of(one), *((gap.from_m, gap.to_m) for gap in one.unseen)]
+    step = one.length_m / BINS
+    metres = (np.arange(BINS) + 0.5) * step
+    told = np.zeros(BINS, bool)
+    for low, high in named:
+        told |= (metres >= low) & (metres <= high)
+    found = []
+    for strip, rows in enumerate(np.array_split(np.arange(ROWS), 3)):
+        mine, seen = skin.on_side[rows].sum(axis=0), skin.seen[rows].sum(axis=0)
+        bad = (mine > 0) & (seen < 0.5 * mine) & ~told
+        for begin, end in _runs(bad):
+            if (end - begin) * step < _LEAST_GAP_M:
+                continue
+            cells = (skin.on_side & ~skin.seen)[rows, begin:end]
+            why = int(np.bincount(skin.why[rows, begin:end][cells]).argmax())
+            where = _STRIPS[one.side in ("PS", "SS")][strip]
+            words = f"{where}: {_WHY[why]}"
+            found.append(NotInspected(one.blade, one.side, begin * step, end * step, words))
+    return found
+
+
+def _runs(flags: Bools) -> list[tuple[int, int]]:
+    """Return (begin, end) of the stretches that are set."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

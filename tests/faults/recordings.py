@@ -108,6 +108,9 @@ class Daemon:
         parent = psutil.Process(self.process.pid)
         family = [parent, *parent.children(recursive=True)]
         killed_ns = time.monotonic_ns()
+        # Stopped first, all of them: no child shall see its parent go and close its files.
+        for process in family:
+            process.suspend()
         for process in family:
             with contextlib.suppress(psutil.NoSuchProcess):
                 process.kill()
