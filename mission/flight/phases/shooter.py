@@ -28,6 +28,8 @@ CALM_SHARE = 0.9
 #: While a gust lasts, or the vehicle is still too fast, it waits and slows at most so long.
 CALM_WAIT_S = 3.0
 SLOW = 0.3
+#: How long a camera stores a photo that takes longer than its last one did.
+STORING_S = 0.3
 #: From the order to the shutter, over the link.
 LAG_S = 0.07
 #: The shutter opens within this time of the order; where the camera then was is what it shows.
@@ -50,6 +52,8 @@ class Shooter:
         self._sign = 1.0 if len(photos) < 2 or photos[-1] >= photos[0] else -1.0
         self._waiting_s: float | None = None
         self._taken_s = -math.inf
+        self._stored_s = 0.0
+        """How long the camera took to tell of the last photo."""
         self._asked: list[Photo] = []
         self._again: dict[float, int] = {}
         self._right_since_s: float | None = None
@@ -73,10 +77,12 @@ class Shooter:
         aim: GimbalAim,
         foot_w: Float,
         shift_w: Float,
+        speed_mps: float,
     ) -> tuple[PhotoCommand | None, float]:
         """Return a photo to take now, if any, and by how much to slow the flight.
 
-        ``foot_w``: (3,) what the camera is aimed at; ``shift_w``: (3,) of the plan, as registered.
+        ``foot_w``: (3,) what the camera is aimed at; ``shift_w``: (3,) of the plan, as registered;
+        ``speed_mps``: of the leg, when nothing slows it.
         """
         self._look(flight, distance_m, shift_w)
         self._settle(flight, metre)
@@ -85,7 +91,7 @@ class Shooter:
             return None, 1.0
         past = (metre - self._left[0]) * self._sign
         if past < -DUE_M:
-            return None, 1.0
+            return None, self._pace(flight, -past, speed_mps)
         now = flight.now_s
         if self._waiting_s is None:
             self._waiting_s = now
@@ -113,6 +119,21 @@ class Shooter:
             ),
             1.0,
         )
+
+    def _pace(self, flight: Flight, ahead_m: float, speed_mps: float) -> float:
+        """Return by how much to slow so as to arrive when the next photo can be taken.
+
+        A vehicle that has to wait and begins to brake only there flies past by metres.
+        """
+        settings, now = flight.settings, flight.now_s
+        wait_s = self._taken_s + settings.camera.min_interval_s - now
+        if self._storing():
+            wait_s = max(wait_s, self._taken_s + self._stored_s - now, STORING_S)
+        if self._exposed(flight.observation.exposure, now) == "exposure":
+            wait_s = max(wait_s, settings.exposure.max_wait_s)
+        if wait_s * speed_mps <= ahead_m:
+            return 1.0
+        return max(SLOW, ahead_m / (wait_s * speed_mps))
 
     def _storing(self) -> bool:
         """Return whether the camera has not told of the last photo: the next would be late."""
@@ -196,6 +217,7 @@ class Shooter:
             if photo.status is PhotoStatus.ASKED:
                 continue
             self._asked.remove(photo)
+            self._stored_s = since
             near = abs(metre - photo.target_m) < 0.6 * self._leg.spacing_m
             tried = self._again.get(photo.target_m, 0)
             if photo.status is not PhotoStatus.TAKEN and near and tried < AT_ONCE:

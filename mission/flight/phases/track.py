@@ -206,7 +206,7 @@ class Track:
         foot = leg.target(min(max(metre, 0.0), leg.length_m)) + seen
         aim = flight.aim_at(foot)
         distance = self._distance(flight, leg, metre, here, shift)
-        photo, slow = shooter.step(flight, metre, distance, aim, foot, seen)
+        photo, slow = shooter.step(flight, metre, distance, aim, foot, seen, self._speed)
         slow *= self._unseen(flight, leg)
         setpoint = flight.follow(_yaw(flight, leg), slow, shift, firm=firm)
         if shooter.left and flight.follower.left_m < 0.05:

@@ -42,7 +42,7 @@ def step(one, now_s, exposure):
             settle=lambda *_: None,
         ),
     )  # fmt: skip
-    return one.step(flight, 5.0, 12.0, AIM, np.zeros(3), np.zeros(3))[0]
+    return one.step(flight, 5.0, 12.0, AIM, np.zeros(3), np.zeros(3), 2.0)[0]
 
 
 def test_two_frames_in_range_release_a_photo_and_one_does_not():
@@ -76,3 +76,18 @@ def test_at_the_cameras_limit_waiting_helps_nobody():
     photo = step(shooter(), 1.0, metered(0.95, grey=90.0, at_limit=True))
     assert photo is not None
     assert photo.marks == ("limit",)
+
+
+def pace(one, now_s, metre, exposure):
+    observation = SimpleNamespace(exposure=exposure, gimbal=None, blade=None)
+    flight = SimpleNamespace(now_s=now_s, observation=observation, settings=SETTINGS)
+    return one.step(flight, metre, 12.0, AIM, np.zeros(3), np.zeros(3), 2.0)[1]
+
+
+def test_the_vehicle_slows_before_a_photo_that_will_have_to_wait():
+    one = shooter()
+    pace(one, 1.0, 3.0, metered(0.9))
+    assert pace(one, 1.1, 4.2, metered(1.0)) == 1.0
+    dark = metered(1.1, grey=60.0)
+    assert pace(one, 1.2, 3.9, dark) == 1.0
+    assert pace(one, 1.2, 4.4, dark) == pytest.approx(0.6)
