@@ -10,30 +10,34 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-import numpy as np
-
 from config.settings import Settings
 from config.turbine import Site, Turbine
 from mission.flight.command import Action, Command, MissionState, Phase, Progress
+from mission.flight.control import (
+    failsafe_of_our_silence,
+    regains,
+    taken_over,
+    takes_over,
+    what_goes_on,
+)
 from mission.flight.events import POLICY, Event, EventRecord, Reaction, arbitrate, worst
+from mission.flight.exposure_order import ExposureOrder
 from mission.flight.flight import Flight, Intent, PhaseStep
 from mission.flight.guard import Airspace
 from mission.flight.ledger import Ledger, PhotoStatus
 from mission.flight.observation import (
-    FlightMode,
     Observation,
     Request,
     RequestKind,
     Vec3,
-    Vehicle,
 )
-from mission.flight.phases.approach import Approach
 from mission.flight.phases.ascend import Ascend
 from mission.flight.phases.hold import Hold, Idle, Released
 from mission.flight.phases.home import Home
 from mission.flight.phases.landed import Landed
 from mission.flight.phases.leave import StandOff
 from mission.flight.phases.preflight import Preflight
+from mission.flight.phases.remeasure import Remeasure
 from mission.flight.phases.takeoff import Engage, Takeoff
 from mission.flight.phases.track import Track
 from mission.flight.plan import Plan
@@ -41,13 +45,9 @@ from mission.flight.report import MissionReport, PhaseTime
 from mission.flight.watch import Watch
 
 LEAVING = (StandOff, Home, Landed, Released)
-ON_THE_GROUND = (Idle, Preflight, Landed)
 #: Holds that also stop a return: without a trusted position nothing is flown.
 HOLDS_EVERYWHERE = frozenset({Event.LINK_SILENT, Event.POSITION_STALE, Event.POSITION_JUMP})
-EV_AGAIN_S = 2.0
 TOLD_AGAIN_S = 10.0
-#: Modes are reported once a second: an older one may still be told for so long.
-MODE_CHANGE_S = 3.0
 #: How the mission ends for an event that sends it home; else ENDED_SAFELY.
 OUTCOME = {
     Event.ROTOR_TURNING: MissionState.REFUSED,
@@ -69,7 +69,7 @@ class Machine:
         self._started_s: float | None = None
         self._ended_s: float | None = None
         self._events: list[EventRecord] = []
-        self._ev: tuple[float, float] | None = None
+        self._exposure = ExposureOrder()
         self._coverage = (0, 0.0)
         self._words = "waiting for a mission"
 
@@ -144,7 +144,8 @@ class Machine:
         flight.look()
         self._earlier(observation)
         self._photos(observation)
-        self._released_by_mode()
+        if taken_over(flight, self._phase):
+            flight.raised.add(Event.PILOT_TOOK_OVER)
         intent = self._decided(observation)
         if intent.then is not None:
             self._enter(intent.then)
@@ -187,7 +188,7 @@ class Machine:
 
     def _command(self, observation: Observation, intent: Intent) -> Command:
         flight = self._flight
-        ev = self._ev_command(intent.ev, observation)
+        ev = self._exposure.due(intent.ev, observation)
         silent = isinstance(self._phase, Released | Idle)
         return Command(
             tick=observation.tick,
@@ -233,21 +234,6 @@ class Machine:
             swap=flight.swap,
         )
 
-    def _ev_command(self, wanted: float | None, observation: Observation) -> float | None:
-        """Send a changed exposure once; again after a while when the camera did not take it."""
-        camera = observation.camera
-        if wanted is None or camera is None or camera.ev is None:
-            return None
-        step = camera.step_ev
-        snapped = min(max(round(wanted / step) * step, camera.min_ev), camera.max_ev)
-        now = observation.now_s
-        if self._ev is not None and abs(self._ev[0] - snapped) < step / 2:
-            taken = abs(camera.ev - snapped) < 0.75 * step
-            if taken or now - self._ev[1] < EV_AGAIN_S:
-                return None
-        self._ev = (snapped, now)
-        return snapped
-
     # --- what arrives ---------------------------------------------------------------------
 
     def _earlier(self, observation: Observation) -> None:
@@ -267,57 +253,6 @@ class Machine:
             elif ledger.settle(result.photo_id, PhotoStatus.REJECTED) is not None:
                 self._flight.note("photo", f"{result.photo_id} rejected: {result.reason}")
 
-    def _released_by_mode(self) -> None:
-        """Whoever leaves OFFBOARD without our asking has the vehicle from then on."""
-        flight, vehicle = self._flight, self._flight.observation.vehicle
-        if vehicle is None or isinstance(self._phase, (*ON_THE_GROUND[:2], Released)):
-            return
-        if isinstance(self._phase, Landed) and not self._phase.flown:
-            # Never ours, or handed back already.
-            return
-        if vehicle.mode is FlightMode.UNKNOWN:
-            return
-        allowed = {FlightMode.OFFBOARD}
-        if not flight.engaged and isinstance(self._phase, Takeoff | Engage | Hold):
-            allowed |= {FlightMode.TAKEOFF, FlightMode.HOLD}
-            if isinstance(self._phase, Engage) and self._phase.from_mode is not None:
-                # What an operator took up again begins in the mode that it was left in.
-                allowed.add(self._phase.from_mode)
-            if not vehicle.in_air:
-                # Before the climb the mode is still whatever it was on the ground.
-                return
-            if _regains(self._phase) and self._asked_by_others(vehicle):
-                allowed = {FlightMode.OFFBOARD}
-        if isinstance(self._phase, Home | Landed):
-            allowed |= {FlightMode.LAND}
-            if flight.now_s - flight.land_asked_s < MODE_CHANGE_S:
-                allowed |= {FlightMode.TAKEOFF, FlightMode.HOLD}
-            if vehicle.landed:
-                return
-        if vehicle.mode in allowed or (flight.engaged and vehicle.mode_stamp_s < flight.engaged_s):
-            return
-        if flight.engaged and self._failsafe_of_our_silence():
-            return
-        flight.raised.add(Event.PILOT_TOOK_OVER)
-
-    def _failsafe_of_our_silence(self) -> bool:
-        """Return whether the autopilot holds because it heard nothing of us, and nobody else.
-
-        It does when our own clock knows of a gap long enough and where, as far as the vehicle
-        tells, nobody has asked for another mode since.
-        """
-        silent, vehicle = self._flight.observation.silent, self._flight.vehicle
-        if silent is None or vehicle.mode is not FlightMode.HOLD:
-            return False
-        if silent.closed:
-            # So short that the autopilot may not have minded: it has to say itself that it did.
-            return vehicle.intended is FlightMode.OFFBOARD
-        return not self._asked_by_others(vehicle)
-
-    def _asked_by_others(self, vehicle: Vehicle) -> bool:
-        """Return whether the vehicle tells that somebody has asked for another mode than ours."""
-        return vehicle.intended not in {None, FlightMode.UNKNOWN, FlightMode.OFFBOARD}
-
     def _silenced(self) -> Intent | None:
         """After a gap of our own: read the mode, and only then go on or ask for offboard again."""
         flight, phase = self._flight, self._phase
@@ -326,13 +261,13 @@ class Machine:
             return None
         if not silent.closed and vehicle.mode_stamp_s < silent.read_after_s:
             return Intent("our own control stood still: reading the mode first")
-        if not self._failsafe_of_our_silence():
+        if not failsafe_of_our_silence(flight):
             return None
         policy = POLICY[Event.OWN_SILENCE]
         flight.note(Event.OWN_SILENCE, policy.words, policy.reaction)
         flight.engaged = False
         flight.follower.stop()
-        again = Engage(_inner(phase), after_silence=True)
+        again = Engage(what_goes_on(phase), after_silence=True)
         paused = isinstance(phase, Hold) and phase.paused
         return Intent(policy.words, then=Hold(again, policy.words, paused=paused))
 
@@ -443,7 +378,7 @@ class Machine:
         if reaction is Reaction.RELEASE:
             failed = event is Event.LINK_LOST
             return self._release(words, ask_hold=event is Event.FRAME_RESET, failed=failed)
-        if reaction is Reaction.LAND and (_regains(phase) or _takes_over(phase)):
+        if reaction is Reaction.LAND and (regains(phase) or takes_over(phase)):
             # Beside the rotor the autopilot's hold is better than its landing.
             return self._release(words)
         if reaction is Reaction.LAND:
@@ -451,7 +386,7 @@ class Machine:
             return self._land(words)
         if isinstance(phase, Takeoff | Engage):
             return None
-        inner = _inner(phase)
+        inner = what_goes_on(phase)
         leaving = isinstance(inner, LEAVING)
         if reaction is Reaction.RETURN and not self._going_home(inner):
             self._flight.rotor_open = self._flight.rotor_open and event is not Event.ROTOR_TURNING
@@ -507,9 +442,9 @@ class Machine:
 
     def _home_without_control(self, words: str) -> Intent:
         """End where the autopilot flies: near the rotor only after control was taken up again."""
-        if _takes_over(self._phase):
+        if takes_over(self._phase):
             return self._release(words)
-        if not _regains(self._phase):
+        if not regains(self._phase):
             return self._land(words)
         return Intent(words, then=Hold(Engage(StandOff(Home()), after_silence=True), words))
 
@@ -523,7 +458,7 @@ class Machine:
 
     def _release(self, words: str, *, ask_hold: bool = False, failed: bool = False) -> Intent:
         flight, phase = self._flight, self._phase
-        inner = _inner(phase)
+        inner = what_goes_on(phase)
         again = None if isinstance(inner, Landed) else inner
         flight.engaged = False
         flight.state = MissionState.RELEASED
@@ -540,41 +475,3 @@ class Machine:
         if flight.outcome is None:
             flight.outcome, flight.outcome_words = outcome, words
             flight.note("ending", words)
-
-
-def _inner(phase: PhaseStep) -> PhaseStep:
-    """Return what goes on after a hold, and after control was taken up again."""
-    if isinstance(phase, Hold):
-        phase = phase.then
-    if isinstance(phase, Engage) and phase.after_silence:
-        return phase.then
-    return phase
-
-
-def _regains(phase: PhaseStep) -> bool:
-    """Return whether control is being taken up again after a gap of our own."""
-    inner = phase.then if isinstance(phase, Hold) else phase
-    return isinstance(inner, Engage) and inner.after_silence
-
-
-def _takes_over(phase: PhaseStep) -> bool:
-    """Return whether a hovering vehicle is being taken over, which may hover anywhere."""
-    inner = phase.then if isinstance(phase, Hold) else phase
-    return isinstance(inner, Engage) and inner.taken_over
-
-
-class Remeasure:
-    """Forget the measured rotor, once outside, and approach it anew."""
-
-    phase = Phase.APPROACH
-
-    def resume(self, _flight: Flight) -> None:
-        """Nothing is under way yet."""
-
-    def step(self, flight: Flight) -> Intent:
-        """Close the sphere and begin the approach."""
-        flight.rotor_open = False
-        flight.rotor = flight.model = flight.plan = None
-        flight.leg_index, flight.drift_w = 0, np.zeros(3)
-        flight.open_corridor([])
-        return Intent("measuring the rotor again", setpoint=flight.hold(), then=Approach())
