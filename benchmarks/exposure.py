@@ -6,18 +6,23 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+import cv2
 import numpy as np
 
 from benchmarks.exposure_methods import CHOICES, OURS, PAPER
 from benchmarks.exposure_passes import Line, Pass, Verdict, choose, fly, lines, verdict
-from benchmarks.exposure_scene import Looks, Surface
+from benchmarks.exposure_scene import TURBINE, Looks, Surface
 from benchmarks.exposure_steps import Outcome, best_choice, events, play, standing_look
 from config.inspection import Exposure
+from config.presets import turbines_of
+from config.settings import Settings
+from config.turbine import Site
+from mission.flight.command import SensingMode, SensingTask
+from mission.processes.blade_metering import BladeMetering
 from perception.exposure import exposure_control
 from perception.geometry import camera_looking_along, pinhole_matrix
-from perception.metering import blade_outline, histogram_of, meter_outline
-from perception.projection import project
-from perception.values import CameraPose
+from perception.metering import blade_outline, histogram_of
+from perception.values import CameraPose, Frame
 
 #: Latencies (frames) at which a ramp of 3 EV in 30 frames may cost nothing, and at most three.
 _QUICK, _MIDDLE = 2, 4
@@ -54,12 +59,15 @@ class Bench:
         return verdict(self.lines(), PAPER, clahe=clahe)
 
 
-def measure(bench: Bench, seed: int, trials: int = 1) -> Iterator[str]:
-    """Fill a bench; yield what was done."""
+def measure(bench: Bench, seed: int, trials: int = 1, *, steps_only: bool = False) -> Iterator[str]:
+    """Fill a bench; yield what was done.
+
+    ``steps_only``: steps and ramps of ours and of the paper's method, nothing else.
+    """
     bench.loop_ms = loop_ms()
     looks = Looks(seed)
     shown = [standing_look(looks, surface, seed) for surface in Surface]
-    for name in CHOICES:
+    for name in (OURS, PAPER) if steps_only else CHOICES:
         label = best_choice(name, shown[1], seed)
         bench.chosen_for_steps[name] = label
         make = CHOICES[name][label]
@@ -68,6 +76,8 @@ def measure(bench: Bench, seed: int, trials: int = 1) -> Iterator[str]:
             for k, event in enumerate(events(seed + trial)):
                 found.append(play(event, make, shown[k % 2], seed + 1000 * trial + k))
         yield f"steps and ramps: {name}"
+    if steps_only:
+        return
     bench.chosen_for_passes = choose(looks, seed)
     yield "settings for the passes"
     for one in fly(looks, seed, bench.chosen_for_passes):
@@ -76,24 +86,31 @@ def measure(bench: Bench, seed: int, trials: int = 1) -> Iterator[str]:
 
 
 def loop_ms() -> float:
-    """Return the CPU time of one loop on 1080p: project, mask, meter, control (median, ms)."""
-    rng = np.random.default_rng(3)
-    grey = rng.integers(100, 160, (1080, 1920), dtype=np.uint8)
-    sight = np.array([0.0, 1.0, 0.0])
-    pose = CameraPose(0.0, np.array([20.0, -12.0, 0.0]), camera_looking_along(sight))
-    matrix = pinhole_matrix(2600.0, 1920, 1080)
+    """Return the CPU time (median, ms) of one loop on 1080p: find, mask, meter, control."""
     root_w, tip_w = np.zeros(3), np.array([50.0, 0.0, 0.0])
-    half_m = np.linspace(0.6, 0.1, 60, dtype=np.float64)
+    settings = Settings(sites=(Site(name="bench", turbine=TURBINE),))
+    metering = BladeMetering(settings, turbines_of(settings.sites))
+    task = SensingTask(
+        SensingMode.BLADE, 1, turbine="bench", blade_root_w=(0.0, 0.0, 0.0),
+        blade_tip_w=(50.0, 0.0, 0.0),
+    )  # fmt: skip
+    sight = np.array([0.0, 1.0, 0.0])
+    pose = CameraPose(0.0, np.array([20.0, -12.0, 0.3]), camera_looking_along(sight))
+    focal_px = settings.camera.focal_length_mm / settings.camera.sensor_width_mm * 1920
+    outline = blade_outline(root_w, tip_w, 0.8, pose, pinhole_matrix(focal_px, 1920, 1080))
+    if outline is None:
+        raise ValueError("the blade is not before the camera")
+    grey = np.random.default_rng(3).integers(70, 90, (1080, 1920), dtype=np.uint8)
+    cv2.fillPoly(grey, [np.round(outline).astype(np.int32)], 140)
     control = exposure_control(Exposure())
     control.confirmed(0.0, -1.0)
     taken = []
     for k in range(60):
+        stamp_s = 0.1 * (k + 1)
         start = time.process_time()
-        foot_px = project(np.array([20.0, 0.0, 0.0]), pose, matrix)
-        outline = blade_outline(root_w, tip_w, half_m, pose, matrix)
-        metered = meter_outline(grey, outline, foot_px, 0.2 * 1920)
-        if metered is not None:
-            control.update(metered, 0.1 * (k + 1), histogram_of(grey))
+        found = metering.meter(Frame(stamp_s, k, grey), pose, task, None)
+        if found is not None and found.metered is not None:
+            control.update(found.metered, stamp_s, histogram_of(grey))
         taken.append(time.process_time() - start)
     return float(np.median(taken)) * 1e3
 
@@ -123,7 +140,7 @@ def goals(bench: Bench) -> list[Goal]:
         found.append(Goal(name, value, f"<= {most}", worst <= most))
     restless = sum(one.restless > 0 for one in own)
     found.append(_count("out of range 2 s after (limit cycles)", restless, len(own)))
-    for clahe in (False, True):
+    for clahe in (False, True) if bench.passes else ():
         found += _contrast(bench.verdict(clahe=clahe), "all with CLAHE" if clahe else "no CLAHE")
     met = bench.loop_ms <= LOOP_GOAL_MS
     name = "one loop on 1080p: project, mask, meter, control; CPU ms"

@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 def exposure(
     seed: Annotated[int, typer.Option(help="Draws looks, noise, defects, delays.")] = 1,
     trials: Annotated[int, typer.Option(min=1, help="Times all steps and ramps are run.")] = 1,
+    steps_only: Annotated[
+        bool, typer.Option("--steps-only", help="Steps and ramps, ours and the paper's alone.")
+    ] = False,
     brackets: Annotated[
         Path | None,
         typer.Option(help="A folder of your own bracketed photos instead of drawn looks."),
@@ -45,9 +48,9 @@ def exposure(
     bench = bench_module.Bench()
     notes = Console(stderr=True, highlight=False)
     with notes.status("drawing looks") as status:
-        for done in bench_module.measure(bench, seed, trials):
+        for done in bench_module.measure(bench, seed, trials, steps_only=steps_only):
             status.update(f"done: {done}")
-    if picture is not None:
+    if picture is not None and bench.passes:
         _save_curves(bench, picture)
     if as_json:
         sys.stdout.write(json.dumps(_as_json(bench, seed, trials, now)) + "\n")
@@ -105,7 +108,8 @@ def _show(bench: Bench, subtitle: str) -> None:
     out.print(f"Exposure; {subtitle}", soft_wrap=True)
     for manual, words in ((True, "manual exposure"), (False, "compensation of an automatic")):
         out.print(_steps(bench, words, manual=manual))
-    out.print(_table(bench))
+    if bench.passes:
+        out.print(_table(bench))
     grid = Table(title="goals", title_justify="left")
     for heading in ("", "measured", "goal", "met"):
         grid.add_column(heading, justify="left" if not heading else "right")

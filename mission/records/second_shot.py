@@ -13,8 +13,9 @@ from mission.records.photo_record import PhotoRecord
 MOST_SHARE, MOST_AT_LEAST = 0.05, 3
 #: Words of the camera's own limit in a photo's marks: another photo would be no better.
 LIMIT = "limit"
-#: Two photos of a side whose middles are no farther apart show the same.
-SAME_M = 0.6
+#: A second shot is taken where it shows most of the skin that the first one would have shown: its
+#: middle lies this near, nearer than the next photo of a pass does.
+SAME_M = 1.2
 
 
 def asks_again(record: PhotoRecord, asked: int, stored: int, *, repeated: bool) -> str:
