@@ -23,9 +23,10 @@ SLOT_BYTES = 1500
 _PACKETS_PER_S = 2084
 #: A packet from farther ahead of our own time than this cannot be right.
 _AHEAD_S = 0.5
-#: One farther ahead of the packet before is believed once another goes on from there: a damaged
-#: time would cut off the scan, and all that is right would come from the past for a while.
-_LEAP_NS = 20_000_000
+#: One farther ahead of the packet before is believed when its number says the same, or once another
+#: goes on from there: a damaged time would cut off the scan, and all that is right would come from
+#: the past for a while.
+_LEAP_NS = 5_000_000
 _WRAP = 1 << 16
 #: A scan that covers less of its period is thrown away: free space that nobody looked at must not
 #: pass for free.
@@ -111,7 +112,7 @@ class ScanAssembler:
                 self._dropped[Dropped.PAST if past else Dropped.FUTURE] += 1
                 return None
             self._restart()
-        elif self._leaps(stamp_ns):
+        elif self._leaps(header):
             self._dropped[Dropped.FUTURE] += 1
             return None
         scan = self._finish_before(header)
@@ -120,13 +121,24 @@ class ScanAssembler:
             scan = self.finish()
         return scan
 
-    def _leaps(self, stamp_ns: int) -> bool:
-        """Return whether a packet comes from well ahead of the one before, as the first to."""
-        newest_ns, leapt_ns = self.newest_ns, self._leapt_ns
-        ahead = self._start_ns is not None and stamp_ns > newest_ns + _LEAP_NS
-        goes_on = leapt_ns is not None and leapt_ns < stamp_ns <= leapt_ns + _LEAP_NS
-        self._leapt_ns = stamp_ns if ahead else None
-        return ahead and not goes_on
+    def _leaps(self, header: Header) -> bool:
+        """Return whether a packet comes from well ahead of the last, and nothing bears it out.
+
+        After a loss the running number has gone on as far as the time.
+        """
+        leapt_ns, newest_ns, stamp_ns = self._leapt_ns, self.newest_ns, header.stamp_ns
+        self._leapt_ns = None
+        if self._start_ns is None or stamp_ns <= newest_ns + _LEAP_NS:
+            return False
+        if leapt_ns is not None and leapt_ns < stamp_ns <= leapt_ns + _LEAP_NS:
+            return False
+        if self._last_number is not None:
+            step_ns = header.interval_ns * header.points / max(header.points - 1, 1)
+            by_number_ns = (header.number - self._last_number) % _WRAP * step_ns
+            if abs(by_number_ns - (stamp_ns - newest_ns)) < _LEAP_NS:
+                return False
+        self._leapt_ns = stamp_ns
+        return True
 
     def look(self, size: int) -> bool:
         """Take only the time of the datagram in `slot`; False where it makes no sense."""

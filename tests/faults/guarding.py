@@ -26,14 +26,14 @@ from mission.flight.command import (
     SensingTask,
     Setpoint,
 )
-from mission.flight.guard import REST_S, Airspace, Guard, Surroundings
+from mission.flight.guard import POINT_ERROR_M, REST_S, Airspace, Guard, Surroundings
 from mission.flight.observation import ClearanceState, FlightMode, Observation, Vehicle
 from mission.flight.rotor_model import MeasuredBlade, rotor_model
 from tests.faults.fault import Seen
 
 NOW = 100.0
-#: Thinned points lie up to this far from the nearest place of the mesh.
-SAMPLED_M = 0.1
+#: Thinned points lie up to this far from the nearest place of the mesh: what the guard allows for.
+SAMPLED_M = POINT_ERROR_M
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

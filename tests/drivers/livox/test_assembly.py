@@ -181,8 +181,14 @@ def test_one_packet_from_ahead_costs_no_scan():
     assert rig.dropped == {Dropped.FUTURE: 1}
 
 
-def test_after_a_loss_the_second_packet_is_believed():
+def test_after_a_loss_the_running_number_bears_the_time_out():
     valid = packets(2084)
     rig = Rig().feed([*valid[:800], *valid[1000:]])
+    assert not rig.dropped[Dropped.FUTURE]
+    assert rig.assembler.packets == len(valid) - 200
+
+
+def test_where_the_number_began_anew_too_the_second_packet_is_believed():
+    rig = Rig().feed([*packets(800), *packets(1000, first_ns=1000 * STEP_NS, first_number=5)])
     assert rig.dropped[Dropped.FUTURE] == 1
-    assert rig.assembler.packets == len(valid) - 200 - 1
+    assert rig.assembler.packets == 1799
