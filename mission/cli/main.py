@@ -21,6 +21,7 @@ from mission.cli import (
     farm_command,
     field_command,
     keys_command,
+    live_command,
     remote_commands,
     replay_command,
     report_commands,
@@ -46,6 +47,7 @@ app.command("serve")(serve_command.serve)
 remote_commands.mount(app)
 app.command("watch")(watch_command.watch)
 app.command("console")(console_command.console)
+app.command("live")(live_command.live)
 app.command("farm")(farm_command.farm)
 app.command("keys")(keys_command.keys)
 app.command("router")(router_command.router)

@@ -11,6 +11,7 @@ import json
 import struct
 import time
 from collections.abc import Mapping
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import IO, cast
@@ -173,20 +174,12 @@ class Recording:
         self._last_ns = mission_ns
 
     def _register(self, topic: str, message: Message | None) -> int:
-        kind = SENSOR_CHANNELS.get(topic) if message is None else type(message)
-        if kind is not None:
-            schema = self._writer.register_schema(
-                name=kind.DESCRIPTOR.full_name,
-                encoding="protobuf",
-                data=build_file_descriptor_set(kind).SerializeToString(),
-            )
-            return int(self._writer.register_channel(f"/{topic}", "protobuf", schema))
+        told = schema_of(topic, message)
         schema = self._writer.register_schema(
-            name=f"bladescout.{topic.replace('/', '.')}",
-            encoding="jsonschema",
-            data=json.dumps(_json_schema(topic)).encode(),
+            name=told.name, encoding=told.encoding, data=told.data
         )
-        return int(self._writer.register_channel(f"/{topic}", "json", schema))
+        channel = self._writer.register_channel(f"/{topic}", told.message_encoding, schema)
+        return int(channel)
 
     def lost(self) -> tuple[str, ...]:
         """Return what the recording lacks, in words; empty: nothing."""
@@ -200,6 +193,27 @@ class Recording:
         self._writer.finish()
         self._spool.close()
         self._fault = self._spool.fault or self._fault
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelSchema:
+    """What a reader is told of a channel."""
+
+    name: str
+    encoding: str
+    """Of the schema."""
+    data: bytes
+    message_encoding: str
+
+
+def schema_of(topic: str, message: Message | None = None) -> ChannelSchema:
+    """Return the schema of a key of the bus, or of what viewers are shown beside (``message``)."""
+    kind = SENSOR_CHANNELS.get(topic) if message is None else type(message)
+    if kind is not None:
+        data = build_file_descriptor_set(kind).SerializeToString()
+        return ChannelSchema(kind.DESCRIPTOR.full_name, "protobuf", data, "protobuf")
+    name = f"bladescout.{topic.replace('/', '.')}"
+    return ChannelSchema(name, "jsonschema", json.dumps(_json_schema(topic)).encode(), "json")
 
 
 def _json_schema(topic: str) -> dict[str, object]:
