@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import multiprocessing
-import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -72,8 +71,6 @@ def flood(settings: BusSettings, vehicle: str, per_s: float) -> Iterator[Callabl
 def _ask(
     settings: BusSettings, vehicle: str, per_s: float, over: Event, count: Synchronized[int]
 ) -> None:
-    # Whoever floods sits on another computer: here it shall cost the daemon no turn.
-    os.nice(19)
     request = json.dumps({"id": "x"})
 
     def take(_: zenoh.Reply) -> None:

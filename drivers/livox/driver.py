@@ -35,7 +35,7 @@ class Mid360Driver:
         self._resting = False
 
     def rest(self, resting: bool) -> None:
-        """Set whether two scans a second are enough, at next to no cost; at first all are read."""
+        """Set whether a scan a second is enough, at next to no cost; at first all are read."""
         self._resting = resting
         if self._receiver is not None:
             self._receiver.resting = resting

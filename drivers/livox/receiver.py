@@ -31,7 +31,7 @@ _NAP_S = 0.004
 _SHORT_NAP_S = 0.001
 _SMALL_BUFFER_BYTES = 1 << 20
 #: While resting one scan in so many seconds is looked at, and the packets between pass unread.
-REST_PERIOD_S = 0.5
+REST_PERIOD_S = 1.0
 _REST_NAP_S = 0.03
 _IDLE_MS = 20
 _REOPEN_S = 1.0
@@ -83,7 +83,7 @@ class Receiver:
         self._last_points_s = float("-inf")
         self._host = Statistics()
         self.resting = False
-        """Set from any thread: two scans a second are enough, at next to no cost."""
+        """Set from any thread: a scan a second is enough, at next to no cost."""
         self._unread_until_s = float("-inf")
         self._stopping = False
         self._wake_read, self._wake_write = socket.socketpair()
@@ -226,7 +226,9 @@ class Receiver:
 
     def _drain_imu(self, sock: socket.socket) -> None:
         samples: list[ImuSample] = []
-        for datagram in self._datagrams(sock):
+        datagrams = self._datagrams(sock)
+        # At rest the newest is enough: it keeps the clocks one.
+        for datagram in datagrams[-1:] if self.resting else datagrams:
             sample = decode_imu(datagram)
             if sample is None:
                 self._dropped[Dropped.MALFORMED] += 1

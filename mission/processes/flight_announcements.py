@@ -18,7 +18,7 @@ from mission.remote.messages import PhotoTakenMessage
 HEARTBEAT_S = 1.0
 #: A scan older than this while flying means that we see nothing.
 BLIND_S = 1.0
-#: Between missions only two scans a second are looked at.
+#: Between missions only one scan a second is looked at.
 RESTING_BLIND_S = 3.0
 _RUNNING = (MissionState.RUNNING, MissionState.PAUSED)
 _NAME = "bladescout"

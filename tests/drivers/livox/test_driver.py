@@ -248,7 +248,7 @@ def test_a_sensor_is_found_by_discovery(loopback, tmp_path):
         assert discover("127.0.0.1", "47MDOTHER", wait_s=0.1, target=target) is None
 
 
-async def test_at_rest_two_scans_a_second_come_and_none_of_the_packets_between_is_lost(
+async def test_at_rest_a_scan_a_second_comes_and_none_of_the_packets_between_is_lost(
     loopback, tmp_path
 ):
     async with flying(loopback, tmp_path) as world:
@@ -259,10 +259,10 @@ async def test_at_rest_two_scans_a_second_come_and_none_of_the_packets_between_i
         count = len(world.scans)
         scans = await world.scans_after(5)
         arrivals_s = np.add(world.ages_s, [scan.stamp_s for scan in world.scans])
-        assert np.diff(arrivals_s[count:]).mean() > 0.35
+        assert np.diff(arrivals_s[count:]).mean() > 0.8
         assert all(scan.lost_packets == 0 for scan in scans)
         # Most of the packets were not even looked at.
-        assert world.driver.statistics.packets - read < 0.6 * (world.twin.sent - sent)
+        assert world.driver.statistics.packets - read < 0.5 * (world.twin.sent - sent)
         assert world.driver.statistics.link is Link.STREAMING
 
 
