@@ -15,7 +15,7 @@ SEED ?= 1
 export PYTHON
 
 .DEFAULT_GOAL := help
-.PHONY: help env mission test test-flight test-parts faults safety fuzz mutants soak kills lint format lock image clean
+.PHONY: help env mission test test-flight test-parts faults safety fuzz mutants soak kills flights lint format lock image clean
 
 help: ## show the targets
 	@sed -n 's/^\([a-z]*\):.*## /make \1\t/p' Makefile | expand -t 16
@@ -63,7 +63,11 @@ soak: env ## missions one after the other, in memory and on the wire; goes on wh
 	$(BIN)/python -m tests.faults.soak --memory $(SOAK_MEMORY) --wire $(SOAK_WIRE)
 
 kills: env ## kill the daemon at random moments of simulated missions; each is completed by resume
+	KILLS=$(KILLS) $(BIN)/pytest tests/mission/flight/test_resumption.py -k killed
 	$(BIN)/python -m tests.faults.killing --kills $(KILLS) --seed $(SEED)
+
+flights: env ## fly the twelve sides of 86 m blades in memory, by as many flights as it takes
+	$(BIN)/python -m tests.faults.splitting
 
 format: env ## rewrite the sources in the house format
 	$(BIN)/ruff format .

@@ -26,3 +26,12 @@ def test_wind_and_climb_cost_and_the_ground_hardly():
 def test_the_voltage_falls_with_the_charge():
     assert drained(1000).pack_v < drained(10).pack_v
     assert drained(5000).charge == 0.0
+
+
+def test_a_charged_pack_takes_the_place_of_an_empty_one_and_what_was_used_stays_counted():
+    pack = drained(600)
+    used_wh = pack.used_wh
+    assert pack.told < 0.8
+    pack.renew()
+    assert pack.charge == pack.told == 1.0
+    assert pack.used_wh == used_wh
