@@ -36,7 +36,7 @@ LIVE_PX, STILL_PX = (160, 120), (640, 480)
 LATENCY_S = 0.2
 #: Of a camera at its full size, flown along at this speed: for the motion blur.
 SPEED_MPS, GSD_M = 1.2, 0.0009
-CLIP_LIMITS = (2.0, 4.0)
+CLIP_LIMIT = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +151,7 @@ def _still(
     radiance = motion_blur(with_defects(look.radiance, defects), blur_px, 0.0)
     grey = camera.photo(radiance, ev)
     values = grey[look.blade]
-    processed = equalised(grey, CLIP_LIMITS[0])
+    processed = equalised(grey, CLIP_LIMIT)
     return Still(
         metre,
         float(values.mean()),

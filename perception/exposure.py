@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Protocol
 
 from config.inspection import Exposure
@@ -29,8 +28,8 @@ class ExposureControl(Protocol):
         """
         ...
 
-    def limit(self, steps: EvSteps, ceiling_ev: float = math.inf) -> None:
-        """Take over the EVs that the camera has, and the highest that motion allows."""
+    def limit(self, steps: EvSteps) -> None:
+        """Take over the EVs that the camera has."""
         ...
 
     def update(

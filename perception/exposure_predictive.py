@@ -79,7 +79,6 @@ class PredictiveExposure:
         self._frames: deque[_Seen] = deque(maxlen=4)
         self._held_ev: float | None = None
         self._asked_ev: float | None = None
-        self._ceiling_ev = math.inf
         self._darkest_ev: float | None = None
         self._residual_ev = 0.0
         self._at_limit = False
@@ -91,9 +90,9 @@ class PredictiveExposure:
             if self._held_ev is None:
                 self._held_ev = self._asked_ev = ev
 
-    def limit(self, steps: EvSteps, ceiling_ev: float = math.inf) -> None:
-        """Take over the EVs that the camera has, and the highest that motion allows."""
-        self._steps, self._ceiling_ev = steps, ceiling_ev
+    def limit(self, steps: EvSteps) -> None:
+        """Take over the EVs that the camera has."""
+        self._steps = steps
 
     @property
     def at_limit(self) -> bool:
@@ -224,15 +223,11 @@ class PredictiveExposure:
 
     def _hold(self, wanted_ev: float, stamp_s: float) -> None:
         """Move the wish when another step is clearly nearer, and note what is asked for."""
-        nearest = self._steps.nearest(wanted_ev, self._ceiling_ev)
+        nearest = self._steps.nearest(wanted_ev)
         held = self._held_ev
         step = self._steps.width_at(wanted_ev)
         self._at_limit = abs(nearest - wanted_ev) > 0.75 * step
-        if (
-            held is None
-            or held > self._ceiling_ev + 1e-6
-            or abs(wanted_ev - held) > abs(wanted_ev - nearest) + HYSTERESIS * step
-        ):
+        if held is None or abs(wanted_ev - held) > abs(wanted_ev - nearest) + HYSTERESIS * step:
             held = nearest
         self._held_ev = held
         if self._asked_ev is None or abs(held - self._asked_ev) > 1e-6:

@@ -22,7 +22,6 @@ class StepExposure:
         """Start without a gamma: the camera's first confirmation brings it."""
         self._settings = settings
         self._steps = steps
-        self._ceiling_ev = math.inf
         self._gamma_ev: float | None = None
         self._at_limit = False
 
@@ -32,9 +31,9 @@ class StepExposure:
         if self._gamma_ev is None and math.isfinite(ev):
             self._gamma_ev = ev
 
-    def limit(self, steps: EvSteps, ceiling_ev: float = math.inf) -> None:
-        """Take over the EVs that the camera has, and the highest that motion allows."""
-        self._steps, self._ceiling_ev = steps, ceiling_ev
+    def limit(self, steps: EvSteps) -> None:
+        """Take over the EVs that the camera has."""
+        self._steps = steps
 
     @property
     def at_limit(self) -> bool:
@@ -58,7 +57,7 @@ class StepExposure:
         elif metered.mean_grey < self._settings.min_grey:
             wanted = gamma + self._settings.step_ev
         # Clamped where it is kept, so that it does not wind up beyond what the camera can do.
-        low, high = self._steps.evs[0], min(self._steps.evs[-1], self._ceiling_ev)
+        low, high = self._steps.evs[0], self._steps.evs[-1]
         self._gamma_ev = max(low, min(wanted, high))
         self._at_limit = abs(self._gamma_ev - wanted) > 1e-6
         return self._gamma_ev
