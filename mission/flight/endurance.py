@@ -20,6 +20,8 @@ from perception.geometry import vec3
 WATCHED = 0.02
 #: A way round the rotor is so much longer than the straight line.
 DETOUR = 1.3
+#: What a pass takes longer than planned, in gusts and by photos that wait for a better moment.
+SLOWER = 1.15
 #: Braking, aiming and the photos' own waits at a pass's ends.
 ENDS_S = 4.0
 
@@ -35,7 +37,7 @@ def suffices(flight: Flight, leg: Leg, photos: Sequence[float]) -> bool:
     apart_s = leg_s(settings.airframe, vec3(flight.here_w), vec3(first), near_mps)
     shutter = shutter_s(flight.observation.camera, settings)
     pace = tracking_speed_mps(leg.distance_at(photos[0]), leg.spacing_m, shutter, settings)
-    along_s = abs(photos[-1] - photos[0]) / pace + ENDS_S
+    along_s = SLOWER * abs(photos[-1] - photos[0]) / pace + ENDS_S
     battery = settings.battery
     drawn_w = power_w(battery, (pace, 0.0, 0.0), (0.0, math.hypot(wind[0], wind[1]), 0.0))
     used = drawn_w * (DETOUR * apart_s + along_s) / 3600.0 / battery.capacity_wh
