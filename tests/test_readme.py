@@ -1,4 +1,4 @@
-"""What README, ARCHITECTURE.md and docs/measured.md tell one to type and open is really there."""
+"""What README, ARCHITECTURE.md and the pages of docs tell one to type and open is there."""
 
 import ast
 import re
@@ -19,6 +19,14 @@ ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
 ARCHITECTURE = (ROOT / "ARCHITECTURE.md").read_text()
 MEASURED = (ROOT / "docs" / "measured.md").read_text()
+#: README and what it leads to.
+PAGES = "\n".join(
+    [
+        README,
+        MEASURED,
+        *((ROOT / "docs" / f"{name}.md").read_text() for name in ("estimate", "mission-folder")),
+    ]
+)
 PLACEHOLDERS = {
     "FILE": "drone.toml",
     "TURBINE": "hill-3",
@@ -28,17 +36,17 @@ PLACEHOLDERS = {
 }
 
 
-def blocks(language):
+def blocks(language, text=PAGES):
     """Return the code blocks of a language, without the indentation of a list."""
-    found = re.findall(rf"^( *)```{language}\n(.*?)^ *```", README, re.MULTILINE | re.DOTALL)
+    found = re.findall(rf"^( *)```{language}\n(.*?)^ *```", text, re.MULTILINE | re.DOTALL)
     return [
         "\n".join(line.removeprefix(indent) for line in text.splitlines()) for indent, text in found
     ]
 
 
-def typed(text=README):
-    """Return every command of a page: lines of the README's sh blocks, and inline code."""
-    lines = [line for block in blocks("sh") for line in block.splitlines() if line.strip()]
+def typed(text=PAGES):
+    """Return every command of a page: lines of its sh blocks, and inline code."""
+    lines = [line for block in blocks("sh", text) for line in block.splitlines() if line.strip()]
     inline = re.findall(r"`((?:bladescout|make) [^`]+)`", text)
     return list(
         dict.fromkeys(lines + [code for code in inline if not code.startswith("bladescout-")])
@@ -63,9 +71,7 @@ def context_of(words):
         command, words = command.commands[words[0]], words[1:]
 
 
-@pytest.mark.parametrize(
-    "command", [c for c in typed(README + MEASURED) if c.startswith("bladescout")]
-)
+@pytest.mark.parametrize("command", [c for c in typed() if c.startswith("bladescout")])
 def test_every_command_can_be_typed_as_it_stands(command):
     words = words_of(command)
     if words[1:] == ["start", "hill-3"]:
@@ -76,7 +82,7 @@ def test_every_command_can_be_typed_as_it_stands(command):
 
 def test_every_make_target_exists():
     targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
-    asked = {words_of(c)[1] for c in typed(README + MEASURED) if c.startswith("make ")}
+    asked = {words_of(c)[1] for c in typed() if c.startswith("make ")}
     assert asked >= {"mission", "test"}
     assert asked <= targets
 
@@ -87,7 +93,7 @@ def test_nothing_else_is_typed():
 
 
 def test_every_command_of_the_command_line_is_told():
-    told = {words_of(c)[1] for c in typed() if c.startswith("bladescout ")}
+    told = {words_of(c)[1] for c in typed(README) if c.startswith("bladescout ")}
     assert told == set(get_command(app).commands)
 
 
@@ -142,9 +148,7 @@ def test_the_figures_of_the_readme_are_those_that_were_measured():
     assert stale == [], "docs/measured.md says otherwise now"
 
 
-NAMED = re.findall(
-    r"`([a-zA-Z_]+(?:/[a-z_0-9]+)*(?:/|\.py|\.md|\.lock))`", README + ARCHITECTURE + MEASURED
-)
+NAMED = re.findall(r"`([a-zA-Z_]+(?:/[a-z_0-9]+)*(?:/|\.py|\.md|\.lock))`", ARCHITECTURE + PAGES)
 
 
 @pytest.mark.parametrize("name", sorted(set(NAMED) - {"log/"}))
@@ -157,7 +161,9 @@ def test_the_table_of_flows_names_every_key(key):
     assert f"| `{key}` |" in ARCHITECTURE
 
 
-@pytest.mark.parametrize("name", ["README.md", "ARCHITECTURE.md", "docs/measured.md"])
+@pytest.mark.parametrize(
+    "name", ["README.md", "ARCHITECTURE.md", "docs/measured.md", "docs/mission-folder.md"]
+)
 def test_every_table_has_the_same_number_of_columns_in_each_row(name):
     for table in re.findall(r"(?:^ *\|.*\|\n)+", (ROOT / name).read_text(), re.MULTILINE):
         assert len({len(re.findall(r"(?<!\\)\|", row)) for row in table.splitlines()}) == 1, table
