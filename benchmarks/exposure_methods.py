@@ -77,9 +77,7 @@ class OnBlade:
         metered = self._meter(seen)
         if metered is not None:
             histogram = histogram_of(seen.grey)
-            self._ev = self.control.update(
-                metered, seen.stamp_s, histogram, spare=seen.spare
-            )
+            self._ev = self.control.update(metered, seen.stamp_s, histogram, spare=seen.spare)
         return self._ev
 
     def _meter(self, seen: FrameSeen) -> Metered | None:

@@ -70,9 +70,7 @@ class Player:
         self.record = Record()
         self._words: deque[tuple[float, float]] = deque([(0.0, -1.0)])
 
-    def frame(
-        self, radiance: Float32, region: Region, t_s: float, *, spare: bool = False
-    ) -> Bytes:
+    def frame(self, radiance: Float32, region: Region, t_s: float, *, spare: bool = False) -> Bytes:
         """Expose a frame, show it to the method, ask the camera for what it wants.
 
         ``spare``: no photo is near, as every method is told.
