@@ -128,7 +128,7 @@ class SensingTask:
     blind: bool = False
     """The LiDAR cannot look at this side: what it finds near the blade is something else."""
     others: tuple[tuple[Vec3, Vec3, float, float], ...] = ()
-    """Solids that are not blades, as truncated cones (end, end, radius at each, metres)."""
+    """Other solids near the blade, as truncated cones (end, end, radius at each, metres)."""
 
 
 @dataclass(frozen=True, slots=True)

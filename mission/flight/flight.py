@@ -368,7 +368,7 @@ class Flight:
             blade_tip_w=vec3(tip_w),
             half_width_m=half_width_m,
             blind=blind,
-            others=() if self.model is None else self.model.not_blades(),
+            others=() if self.model is None else self.model.beside(blade),
         )
 
 

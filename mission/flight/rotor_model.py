@@ -22,6 +22,8 @@ from perception.geometry import vec3
 from perception.values import Float
 
 STATIONS = 64
+#: Of a blade: farther out it is away from its neighbours' roots.
+INNER_SHARE = 0.4
 #: What the fitted rotor may be off by, and how much more per metre of blade (droop, prebend).
 BASE_INFLATION_M = 0.3
 INFLATION_PER_METRE = 0.012
@@ -74,8 +76,11 @@ class RotorModel:
         distances, towards = self._parts(point_w[None, :])
         return distances[0], point_w + towards[0] * distances[0][:, None]
 
-    def not_blades(self) -> tuple[tuple[Vec3, Vec3, float, float], ...]:
-        """Return tower and nacelle as truncated cones: two ends, the radius at each, metres."""
+    def beside(self, blade: str) -> tuple[tuple[Vec3, Vec3, float, float], ...]:
+        """Return what lies near a blade's root, as truncated cones: ends, radius at each, metres.
+
+        Tower, nacelle, and the inner part of the other blades.
+        """
         base, top = self.tower_radii
         foot = self.tower_top_w - self.tower_height_m * self.tower_axis_w
         reach = self.box_half[0] * self.box_axes[0]
@@ -83,7 +88,17 @@ class RotorModel:
         return (
             (vec3(self.tower_top_w), vec3(foot), top, base),
             (vec3(self.box_centre_w - reach), vec3(self.box_centre_w + reach), radius, radius),
+            *(self._inner(i) for i, frame in enumerate(self.frames) if frame.name != blade),
         )
+
+    def _inner(self, blade: int) -> tuple[Vec3, Vec3, float, float]:
+        """Return a blade's inner part as a cylinder round its axis."""
+        inner = slice(0, math.ceil(INNER_SHARE * STATIONS))
+        leading, chord = self.leading[blade, inner], self.chord[blade, inner]
+        ends = np.linalg.norm(np.stack([leading, leading + chord]), axis=2)
+        radius = float((ends + self.radius[blade, inner]).max())
+        root, axis = self.roots[blade], self.axes[blade]
+        return vec3(root), vec3(root + INNER_SHARE * self.lengths[blade] * axis), radius, radius
 
     def _parts(self, points: Float) -> tuple[Float, Float]:
         """Return distances (N, P) and unit vectors (N, P, 3) from the points to each part."""

@@ -63,3 +63,24 @@ def test_the_nearest_point_lies_at_the_distance_told():
 def test_everything_is_inflated():
     model = true_model(Truth(), TURBINE)
     assert (model.radius >= BASE_INFLATION_M).all()
+
+
+def test_beside_a_blade_lie_tower_nacelle_and_the_inner_part_of_the_other_blades():
+    model = true_model(Truth(pitch_deg=85.0), TURBINE)
+    solids = model.beside("B")
+    assert len(solids) == 4
+
+    def within(point):
+        for start, end, first, last in solids:
+            axis = np.subtract(end, start)
+            share = float(np.clip((point - start) @ axis / (axis @ axis), 0.0, 1.0))
+            apart = float(np.linalg.norm(point - (start + share * axis)))
+            if apart < first + share * (last - first):
+                return True
+        return False
+
+    for index, frame in enumerate(model.frames):
+        inner = model.roots[index] + 8.0 * model.axes[index]
+        outer = model.roots[index] + 25.0 * model.axes[index]
+        assert within(inner) == (frame.name != "B")
+        assert not within(outer)
