@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import dataclasses
 import os
 import shutil
@@ -34,6 +35,10 @@ class _BusOfPaper:
 
 def disk_full():
     """The recording goes to a device on which nothing finds room."""
+    return asyncio.run(_disk_full())
+
+
+async def _disk_full():
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "recording.mcap").symlink_to("/dev/full")
@@ -47,6 +52,7 @@ def disk_full():
             recorder._take(Sample("sensor/lidar/scan", os.urandom(16_000), None))
             longest_s = max(longest_s, time.perf_counter() - begun_s)
         recorder._take(Sample("mission/event", event.model_dump_json().encode(), None))
+        await recorder._looking_back
         recorder._writer.shutdown(wait=True)
         recorder._fetchers.shutdown()
         spool = recorder._open.recording._spool

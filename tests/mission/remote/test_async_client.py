@@ -48,6 +48,8 @@ async def test_every_part_of_a_start_arrives(router, settings):
             launch_enu_m=(1.0, 2.0, 3.0),
             valid_s=60.0,
             dry_run=True,
+            airborne=True,
+            rendezvous_w=(4.0, 5.0, 6.0),
         )
     (request,) = heard
     assert request.expires_utc_s is not None
@@ -64,6 +66,8 @@ async def test_every_part_of_a_start_arrives(router, settings):
         "blade_pitch_deg": 88.0,
         "launch_enu_m": (1.0, 2.0, 3.0),
         "dry_run": True,
+        "airborne": True,
+        "rendezvous_w": (4.0, 5.0, 6.0),
     }
 
 
