@@ -46,8 +46,8 @@ test-parts:
 	  --ignore=tests/mission/processes --ignore=tests/mission/records \
 	  --ignore=tests/mission/replay --ignore=tests/system $(PYTEST_ARGS)
 
-faults: env ## the long cases of the fault table: real processes, many draws (FAULTS=name picks)
-	$(BIN)/pytest -m faults tests/faults --figures tests/faults/measured.json -k "$(FAULTS)"
+faults: env ## the long cases of the fault table: real processes, many draws (FAULTS="words of a row" picks)
+	$(BIN)/pytest -m faults tests/faults --figures tests/faults/measured.json --rows "$(FAULTS)"
 	$(BIN)/python -m tests.faults.safety
 
 safety: env ## measure the quick cases anew and render SAFETY.md
