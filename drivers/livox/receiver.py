@@ -2,6 +2,7 @@
 
 Packets come 2 083 times a second (more in a fast simulation). The thread wakes, empties the
 sockets, and naps for a few milliseconds: waking for each packet would cost more than its decoding.
+At rest nothing wakes it between two scans: the kernel throws away what nobody would look at.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from drivers.clock import Clock
 from drivers.livox.assembly import ScanAssembler
 from drivers.livox.discovery import discover
 from drivers.livox.frames import MAX_FRAME_BYTES, decode_frame
+from drivers.livox.gate import Gate
 from drivers.livox.packets import ImuSample, decode_imu
 from drivers.livox.sensor_clock import SensorClock
 from drivers.livox.session import Session
@@ -33,7 +35,10 @@ _SMALL_BUFFER_BYTES = 1 << 20
 #: While resting one scan in so many seconds is looked at, and the packets between pass unread.
 REST_PERIOD_S = 1.0
 _REST_NAP_S = 0.03
+#: The gate opens so long before the scan that is looked at, so that the clocks are one by then.
+_LEAD_S = 0.05
 _IDLE_MS = 20
+_SHUT_MS = 50
 _REOPEN_S = 1.0
 
 
@@ -151,11 +156,12 @@ class Receiver:
             poll.register(sock, select.POLLIN)
         points_fd = sockets.points.fileno()
         nap_s = _NAP_S if granted >= _SMALL_BUFFER_BYTES else _SHORT_NAP_S
+        gate = Gate(sockets.points, sockets.imu)
         while not self._stopping:
-            ready = {fd for fd, _ in poll.poll(_IDLE_MS)}
+            ready = {fd for fd, _ in poll.poll(_SHUT_MS if gate.shut else _IDLE_MS)}
             if sockets.imu.fileno() in ready:
                 self._drain_imu(sockets.imu)
-            unread = self.resting and self._clock.now_s() < self._unread_until_s
+            unread = self._unread()
             if points_fd in ready and unread:
                 self._pass_over_points(sockets.points)
             elif points_fd in ready:
@@ -163,9 +169,24 @@ class Receiver:
             for sock in (sockets.push, sockets.command):
                 if sock.fileno() in ready:
                     self._drain_frames(sock)
-            self._keep_up(sockets.command)
-            if ready:
-                time.sleep(_REST_NAP_S if unread else nap_s)
+            if self._unread(_LEAD_S):
+                self._shut(gate, sockets.points)
+            elif gate.shut:
+                gate.open()
+                self._session.listen_again(self._clock.now_s())
+            if not gate.shut:
+                self._keep_up(sockets.command)
+                if ready:
+                    time.sleep(_REST_NAP_S if unread else nap_s)
+
+    def _unread(self, lead_s: float = 0.0) -> bool:
+        """Return whether nothing that comes within the lead is going to be looked at."""
+        return self.resting and self._clock.now_s() + lead_s < self._unread_until_s
+
+    def _shut(self, gate: Gate, points: socket.socket) -> None:
+        """Let the kernel throw away what comes; what had come before is passed over."""
+        if not gate.shut and gate.close():
+            self._pass_over_points(points)
 
     def _keep_up(self, command: socket.socket) -> None:
         """Send what is due, and close a scan that nothing follows."""

@@ -75,6 +75,10 @@ class Session:
         if self.link is Link.WAITING:
             self.link = Link.STREAMING
 
+    def listen_again(self, now_s: float) -> None:
+        """Tell that nobody has listened for points until now: silence counts from here."""
+        self._since_s = now_s
+
     def poll(self, now_s: float) -> list[bytes]:
         """Return the datagrams to be sent now."""
         silent_s = now_s - self._since_s
