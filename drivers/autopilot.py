@@ -15,27 +15,25 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import logging
 import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Self
 
 from config.links import Autopilot
-from drivers.autopilot_errors import AutopilotError, BadSetpoint, Refused
+from drivers.autopilot_errors import BadSetpoint, Refused
 from drivers.autopilot_parameters import Parameters
+from drivers.autopilot_rates import MessageRates
 from drivers.autopilot_state import VehicleMode, VehicleReading, VehicleState
 from drivers.autopilot_wire import Wire
 from drivers.clock import Clock
 from drivers.frames import Vec3, swap_enu_ned, swap_yaw
 
-_log = logging.getLogger(__name__)
-
 #: Position, velocity and yaw are set; acceleration and yaw rate are not.
 _POSITION_VELOCITY_YAW = 0x9C0
 _FRAME_LOCAL_NED = 1
 
-_ARM_DISARM, _TAKEOFF, _SET_MODE, _SET_MESSAGE_INTERVAL = 400, 22, 176, 511
+_ARM_DISARM, _TAKEOFF, _SET_MODE = 400, 22, 176
 _CUSTOM_MODE = 1.0
 _MODES: dict[str, tuple[float, ...]] = {
     "offboard": (_CUSTOM_MODE, 6.0, 0.0),
@@ -48,11 +46,6 @@ _MODES: dict[str, tuple[float, ...]] = {
 _SILENT_S = 3.5
 #: The autopilot's reason follows its refusal.
 _REASON_S = 0.1
-_HEARTBEAT = 0
-_CURRENT_MODE = 436
-_MODE_RATE_HZ = 10.0
-#: (message id, Hz); a vehicle that does not offer one says so, and is taken as it is.
-_SLOW_RATES = ((331, 5.0), (33, 5.0), (231, 1.0), (242, 0.5))
 
 
 class AutopilotLink:
@@ -66,7 +59,8 @@ class AutopilotLink:
         self._state = VehicleState(clock)
         self._wire: Wire | None = None
         self._parameters: Parameters | None = None
-        self._rates: asyncio.Task[None] | None = None
+        self._rates: MessageRates | None = None
+        self._keeping: asyncio.Task[None] | None = None
         self.setpoints_sent = 0
         """Setpoints sent since the link was opened."""
 
@@ -81,15 +75,18 @@ class AutopilotLink:
         for name in VehicleState.MESSAGES:
             self._wire.listen(name, self._state.take, component_id=1)
         self._parameters = Parameters(self._wire)
-        self._rates = asyncio.create_task(self._keep_rates(), name="message rates")
+        self._rates = MessageRates(
+            self._wire, lambda: self.connected, self._settings.position_rate_hz
+        )
+        self._keeping = asyncio.create_task(self._rates.keep(), name="message rates")
         return self
 
     async def __aexit__(self, *_: object) -> None:
         """Let go of the vehicle; nothing is sent any more."""
-        if self._rates is not None:
-            self._rates.cancel()
+        if self._keeping is not None:
+            self._keeping.cancel()
             with contextlib.suppress(asyncio.CancelledError):
-                await self._rates
+                await self._keeping
         if self._wire is not None:
             await self._wire.close()
 
@@ -109,6 +106,16 @@ class AutopilotLink:
     def vehicle(self) -> VehicleReading | None:
         """Return the newest of everything that the vehicle reported."""
         return self._state.reading()
+
+    def rest(self, resting: bool) -> None:
+        """Let the vehicle tell little, while nothing flies; at first everything is wanted."""
+        if self._rates is not None:
+            self._rates.rest(resting)
+
+    @property
+    def awake(self) -> bool:
+        """The vehicle was asked for everything that a flight needs, and has answered."""
+        return self._rates is not None and self._rates.awake
 
     def send_setpoint(self, position_w: Vec3, velocity_w: Vec3, yaw_rad: float) -> None:
         """Send position, velocity fed forward and yaw (ENU) now, on this thread.
@@ -182,34 +189,3 @@ class AutopilotLink:
         if self._parameters is None:
             raise RuntimeError("the link is not open")
         await self._parameters.set(name, value)
-
-    async def _keep_rates(self) -> None:
-        """Ask for the streams at the start and again after each silence (a reboot forgets)."""
-        silent = True
-        while True:
-            if silent and self.connected:
-                try:
-                    await self._ask_rates()
-                    silent = False
-                except AutopilotError as error:
-                    _log.debug("message rates: %s", error)
-            await asyncio.sleep(0.25)
-            silent = silent or not self.connected
-
-    async def _ask_rates(self) -> None:
-        fast = self._settings.position_rate_hz
-        for message, rate_hz in ((32, fast), (31, fast), *_SLOW_RATES):
-            with contextlib.suppress(Refused):
-                await self._ask_rate(message, rate_hz)
-        try:
-            await self._ask_rate(_CURRENT_MODE, _MODE_RATE_HZ)
-        except Refused:
-            with contextlib.suppress(Refused):
-                await self._ask_rate(_HEARTBEAT, _MODE_RATE_HZ)
-
-    async def _ask_rate(self, message: int, rate_hz: float) -> None:
-        await self.wire.command(
-            f"message {message} at {rate_hz:g} Hz",
-            _SET_MESSAGE_INTERVAL,
-            (float(message), 1e6 / rate_hz),
-        )

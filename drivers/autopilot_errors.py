@@ -7,6 +7,7 @@
     ├── PortTaken       another process listens where we are to listen
     ├── LinkFailed      the URL cannot be opened, or nothing can be sent
     ├── Refused         a command was denied, failed, or never acknowledged
+    │   └── Unanswered  never acknowledged
     └── BadSetpoint     a setpoint that no vehicle may be given
 """
 
@@ -31,6 +32,10 @@ class LinkFailed(AutopilotError):
 
 class Refused(AutopilotError):
     """A command was denied, failed, or never acknowledged."""
+
+
+class Unanswered(Refused):
+    """A command was never acknowledged."""
 
 
 class BadSetpoint(AutopilotError, ValueError):

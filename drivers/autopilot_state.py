@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -25,6 +26,8 @@ _RESET_INTERVAL_S = 0.5
 _SAME_RESET_S = 1.0
 #: Over a longer gap between two attitudes the gyro is not integrated.
 _GYRO_GAP_S = 0.5
+#: The rate of the positions is that of so many.
+_RATE_OF = 6
 
 
 class VehicleMode(StrEnum):
@@ -97,6 +100,8 @@ class VehicleReading:
     """A radio-control receiver is present and healthy."""
     intended: VehicleMode | None = None
     """What somebody last asked for, where the vehicle tells it: in a failsafe not the mode."""
+    position_hz: float | None = None
+    """How often the position comes, of the last few; None before there are as many."""
     gyro_yaw_rad: float | None = None
     """The heading as the gyro alone carries it on from the first one; None: no rates are told."""
 
@@ -137,6 +142,7 @@ class VehicleState:
         self._clock = clock
         self._boot = MinimumOffset(window_s=5.0)
         self._position: tuple[float, float, Vec3, Vec3] | None = None
+        self._position_times_s: deque[float] = deque(maxlen=_RATE_OF)
         self._attitude: tuple[float, Quaternion] | None = None
         self._gyro: tuple[float, float, float, float] | None = None
         """Stamp, heading, the gyro's heading and its rate."""
@@ -215,8 +221,14 @@ class VehicleState:
             satellites=satellites,
             rc_link=self._rc_link,
             intended=self._intended,
+            position_hz=self._position_hz(),
             gyro_yaw_rad=None if self._gyro is None else self._gyro[2],
         )
+
+    def _position_hz(self) -> float | None:
+        times_s = tuple(self._position_times_s)
+        span_s = times_s[-1] - times_s[0] if len(times_s) == _RATE_OF else 0.0
+        return (_RATE_OF - 1) / span_s if span_s > 0 else None
 
     def texts(self) -> tuple[StatusText, ...]:
         """Return the autopilot's newest sentences, oldest first (at most 50)."""
@@ -271,6 +283,7 @@ class VehicleState:
         if self._position is not None:
             self._watch_for_step(boot_s, position_w, velocity_w)
         self._position = (stamp_s, boot_s, position_w, velocity_w)
+        self._position_times_s.append(stamp_s)
 
     def _watch_for_step(self, boot_s: float, position_w: Vec3, velocity_w: Vec3) -> None:
         """Count a reset where the position stepped further than its velocity explains."""

@@ -26,7 +26,7 @@ from urllib.parse import urlsplit
 from mavsdk import Configuration, LogLevel, Mavsdk, MavsdkError, System, log_subscribe
 from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
 
-from drivers.autopilot_errors import LinkFailed, NoVehicle, PortTaken, Refused
+from drivers.autopilot_errors import LinkFailed, NoVehicle, PortTaken, Refused, Unanswered
 from drivers.autopilot_tap import open_tap
 
 _log = logging.getLogger(__name__)
@@ -216,6 +216,8 @@ class Wire:
     ) -> None:
         """Send a COMMAND_LONG until it is acknowledged; `Refused` says why it was not done.
 
+        `Unanswered`, which is one: not once did an acknowledgement come.
+
         ``parameters``: up to seven; None is NaN ("as you see fit"). ``wanted`` is asked before
         each repetition: where it says no, nothing more is sent.
         """
@@ -224,18 +226,19 @@ class Wire:
             await asyncio.wait([earlier])
             await asyncio.sleep(0)
         reason = "no acknowledgement"
+        refusal: type[Refused] = Unanswered
         for attempt in range(tries):
             if attempt and wanted is not None and not wanted():
-                raise Refused(f"{what}: {reason}; no longer wanted")
+                raise refusal(f"{what}: {reason}; no longer wanted")
             result = await self._try_command(key, parameters, attempt)
             if result == _ACCEPTED:
                 return
             if result is not None:
-                reason = _RESULTS.get(result, f"result {result}")
+                reason, refusal = _RESULTS.get(result, f"result {result}"), Refused
                 if result != _TEMPORARILY_REJECTED:
                     raise Refused(f"{what}: {reason}")
                 await asyncio.sleep(0.2)
-        raise Refused(f"{what}: {reason} after {tries} tries")
+        raise refusal(f"{what}: {reason} after {tries} tries")
 
     async def _try_command(
         self, key: tuple[int, int], parameters: Sequence[float | None], attempt: int

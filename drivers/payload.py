@@ -116,6 +116,10 @@ class Payload:
         """EV is absolute; otherwise it biases the camera's own automatic."""
         return self._exposure.manual
 
+    def rest(self, resting: bool) -> None:
+        """Let the gimbal tell seldom where it looks, while nothing flies; at first often."""
+        self._gimbal.rest(resting)
+
     def gimbal(self) -> GimbalReading | None:
         """Return where the gimbal really looks."""
         return self._gimbal.reading()

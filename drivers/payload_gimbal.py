@@ -8,6 +8,7 @@ by command, and taken again when nobody has it; a person who took it keeps it.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import logging
 import math
@@ -15,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from config.sensors import Gimbal
-from drivers.autopilot_errors import LinkFailed, Refused
+from drivers.autopilot_errors import LinkFailed, Refused, Unanswered
 from drivers.autopilot_wire import OWN_COMPONENT, OWN_SYSTEM, Received, Wire
 from drivers.clock import Clock
 from drivers.frames import pitch_up_of, swap_attitude, swap_yaw, yaw_of
@@ -29,6 +30,8 @@ _SET_MESSAGE_INTERVAL, _REQUEST_MESSAGE, _CONFIGURE = 511, 512, 1001
 _LOCK_ROLL_PITCH_YAW = 4 | 8 | 16
 _YAW_LOCK, _YAW_IN_VEHICLE_FRAME, _YAW_IN_EARTH_FRAME = 16, 32, 64
 _ATTITUDE_RATE_HZ = 30.0
+#: While nothing flies; a second of silence counts as a gimbal that is gone.
+_REST_RATE_HZ = 2.0
 _UNCHANGED = -1.0
 _AUTOPILOT = 1
 _OURSELVES = (OWN_SYSTEM, OWN_COMPONENT)
@@ -71,6 +74,8 @@ class GimbalLink:
         self._owner: tuple[int, int] | None = None
         self._reading: GimbalReading | None = None
         self._stamps = MinimumOffset(window_s=5.0)
+        self._rate_hz = _ATTITUDE_RATE_HZ
+        self._changed = asyncio.Event()
         wire.listen("GIMBAL_MANAGER_INFORMATION", self._take_information)
         wire.listen("GIMBAL_MANAGER_STATUS", self._take_status)
         wire.listen("GIMBAL_DEVICE_ATTITUDE_STATUS", self._take_attitude, settings.component_id)
@@ -114,21 +119,30 @@ class GimbalLink:
         self._wire.send("GIMBAL_MANAGER_SET_PITCHYAW", json.dumps(fields), self._manager)
         return True
 
+    def rest(self, resting: bool) -> None:
+        """Let the gimbal tell seldom where it looks; at first often. On the event loop."""
+        rate_hz = _REST_RATE_HZ if resting else _ATTITUDE_RATE_HZ
+        if rate_hz != self._rate_hz:
+            self._rate_hz = rate_hz
+            self._changed.set()
+
     async def run(self) -> None:
         """Find the manager, take control, and keep both."""
-        asked_rate = False
+        asked_hz: float | None = None
         while True:
+            self._changed.clear()
             try:
                 if self._manager is None:
                     await self._look_for_manager()
                 if self._manager is not None and self._owner in (None, _NOBODY):
                     await self._take_control(self._manager)
-                if self._manager is not None and not asked_rate:
-                    asked_rate = True
-                    await self._ask(self._settings.component_id, _DEVICE_ATTITUDE)
+                if self._manager is not None and asked_hz != self._rate_hz:
+                    asked_hz = await self._ask_rate(self._rate_hz)
             except (Refused, LinkFailed) as error:
                 _log.debug("gimbal: %s", error)
-            await asyncio.sleep(0.1 if self._manager is None else 1.0)
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(0.1 if self._manager is None else 1.0):
+                    await self._changed.wait()
 
     async def _look_for_manager(self) -> None:
         await asyncio.gather(
@@ -162,14 +176,21 @@ class GimbalLink:
         )
         self._owner = _OURSELVES
 
-    async def _ask(self, component: int, message: int) -> None:
-        await self._wire.command(
-            f"message {message}",
-            _SET_MESSAGE_INTERVAL,
-            (float(message), 1e6 / _ATTITUDE_RATE_HZ),
-            component,
-            tries=1,
-        )
+    async def _ask_rate(self, rate_hz: float) -> float | None:
+        """Ask how often to be told; return what was asked for, None where nothing answered."""
+        try:
+            await self._wire.command(
+                f"message {_DEVICE_ATTITUDE} at {rate_hz:g} Hz",
+                _SET_MESSAGE_INTERVAL,
+                (float(_DEVICE_ATTITUDE), 1e6 / rate_hz),
+                self._settings.component_id,
+                tries=1,
+            )
+        except Unanswered:
+            return None
+        except Refused as error:
+            _log.debug("gimbal: %s", error)
+        return rate_hz
 
     def _take_information(self, message: Received) -> None:
         device = message.integer("gimbal_device_id")

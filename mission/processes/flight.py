@@ -54,6 +54,7 @@ from mission.processes.flight_inputs import (
 from mission.processes.flight_outputs import FlightOutputs
 from mission.processes.flight_pace import Pace
 from mission.processes.preflight import preflight_items, read_parameters
+from mission.processes.preflight_telemetry import telemetry_item
 from mission.processes.runtime import Runtime, run_process
 from mission.remote.asked_site import asked_site
 from mission.remote.messages import EarlierMessage, Intent
@@ -193,6 +194,9 @@ class Flight:
 
     def _one_tick(self, link: AutopilotLink, payload: Payload, now_s: float, late_s: float) -> None:
         self._tick += 1
+        resting = self._resting(link)
+        link.rest(resting)
+        payload.rest(resting)
         observation = self._observe(link, payload, now_s, late_s)
         self._last_observation = observation
         self._pace.lag_ms.note(now_s, max(0.0, late_s) * 1e3)
@@ -201,7 +205,6 @@ class Flight:
             self._announcements.tick(self._progress, observation, self._inputs)
         if machine is None:
             self._outputs.vehicle(observation)
-            resting = self._resting(link)
             if self._tick % 4 == 0 or resting:
                 self._outputs.state(
                     self._progress, observation, self._inputs, self._intent, resting=resting
@@ -437,6 +440,7 @@ class Flight:
             self._inputs.ready,
             Path(intent.mission_dir),
         )
+        items += (telemetry_item(reading, awake=link.awake),)
         # A vehicle in the air is not going to be armed.
         return tuple(item for item in items if not armed or item.name != "vehicle")
 
