@@ -6,9 +6,11 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
 from multiprocessing import get_context
+from pathlib import Path
 
 from benchmarks import angle_summary
 from benchmarks.angle_active import fly_estimate
+from benchmarks.angle_kept import keep_trials
 from benchmarks.angle_scenes import SceneOptions, make_scene
 from benchmarks.angle_sites import Site
 from benchmarks.angle_summary import Row
@@ -77,6 +79,11 @@ class Table:
         for name, trials in other.trials.items():
             self.trials.setdefault(name, []).extend(trials)
 
+    def seeds(self) -> list[int]:
+        """Return the first and the last seed."""
+        drawn = [trial.seed for trials in self.trials.values() for trial in trials]
+        return [min(drawn), max(drawn)]
+
     def rows(self) -> dict[str, Row]:
         """Return the rows."""
         return {name: angle_summary.row(trials) for name, trials in self.trials.items()}
@@ -127,23 +134,28 @@ def measure(
     active: int = 0,
     processes: int = 1,
     core: bool = False,
+    keep: Path | None = None,
 ) -> Iterator[int]:
     """Fill a table with the scenes from ``seed`` on and ``active`` loops; yield how many so far.
 
-    ``core``: our fit and the paper's method only.
+    ``core``: our fit and the paper's method only; ``keep``: a file that outcomes are appended to.
     """
     nominal = options or SceneOptions()
     tasks = [_Task(k, seed + k, nominal, effects, False, core) for k in range(trials)]
     tasks += [_Task(k, seed + k, nominal, effects, True, core) for k in range(active)]
+    for done, part in enumerate(_parts(tasks, processes), start=1):
+        table.merge(part)
+        if keep is not None:
+            keep_trials(keep, part.trials)
+        yield done
+
+
+def _parts(tasks: list[_Task], processes: int) -> Iterator[Table]:
     if processes == 1:
-        for done, task in enumerate(tasks, start=1):
-            table.merge(_measured(task))
-            yield done
+        yield from map(_measured, tasks)
         return
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        for done, part in enumerate(pool.map(_measured, tasks, chunksize=2), start=1):
-            table.merge(part)
-            yield done
+        yield from pool.map(_measured, tasks, chunksize=2)
 
 
 def _measured(task: _Task) -> Table:

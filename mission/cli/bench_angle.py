@@ -6,6 +6,7 @@ import json
 import sys
 from collections.abc import Mapping
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -75,31 +76,42 @@ def angle(
         float, typer.Option(min=0, max=0.2, help="Extinction of every scene, per metre.")
     ] = 0.0,
     processes: Annotated[int, typer.Option(min=1, help="Side by side, one a core.")] = 2,
+    keep: Annotated[
+        Path | None, typer.Option(help="Append every outcome to a file, a line each.")
+    ] = None,
+    read: Annotated[
+        list[Path] | None,
+        typer.Option(help="Measure nothing: the table of what such files hold; can be repeated."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Compare the ways to find the stop angle: ten turbine models on five sites, and weather."""
     from benchmarks.angle import Table, measure
     from benchmarks.angle_goals import goals
+    from benchmarks.angle_kept import read_trials
     from benchmarks.angle_scenes import SceneOptions
     from benchmarks.blade_family import HELD_OUT
 
-    options = SceneOptions(models=HELD_OUT if held_out else None, fog_per_m=fog)
-    notes = Console(stderr=True, highlight=False)
     table = Table()
-    with notes.status("drawing scenes") as status:
-        for done in measure(
-            table,
-            trials,
-            seed,
-            options,
-            effects=effects and not core,
-            active=active,
-            processes=processes,
-            core=core,
-        ):
-            status.update(f"{done} of {trials + active} scenes and loops")
+    if read:
+        table.merge(Table(read_trials(read)))
+    else:
+        options = SceneOptions(models=HELD_OUT if held_out else None, fog_per_m=fog)
+        with Console(stderr=True, highlight=False).status("drawing scenes") as status:
+            for done in measure(
+                table,
+                trials,
+                seed,
+                options,
+                effects=effects and not core,
+                active=active,
+                processes=processes,
+                core=core,
+                keep=keep,
+            ):
+                status.update(f"{done} of {trials + active} scenes and loops")
     now = datetime.now(UTC).isoformat(timespec="seconds")
-    seeds = [seed, seed + max(trials, active) - 1]
+    seeds = table.seeds()
     reached = [] if fog else goals(table)  # set for clear air
     if as_json:
         answer = {

@@ -1,6 +1,7 @@
 """The table of the angle bench: rows, strata, success and intervals; and the command."""
 
 import json
+from dataclasses import replace
 
 import pytest
 from typer.testing import CliRunner
@@ -21,6 +22,7 @@ from benchmarks.angle import (
 )
 from benchmarks.angle_active import fly_estimate
 from benchmarks.angle_goals import goals
+from benchmarks.angle_kept import keep_trials, read_trials
 from benchmarks.angle_scenes import SceneOptions, make_scene
 from benchmarks.angle_summary import row, strata
 from benchmarks.angle_trials import Trial, windowed
@@ -112,6 +114,32 @@ def test_goals_tell_what_was_reached_and_what_was_not():
     assert told["ours: within 1 deg"].measured == pytest.approx(0.99)
     assert told["the paper's method: mean"].met is None
     assert told["ours: within 1 sigma"].met is False
+
+
+def test_kept_outcomes_of_several_files_are_summed_and_a_scene_counts_once(tmp_path):
+    keep_trials(tmp_path / "a", {OURS: [_trial(0.5), replace(_trial(None), seed=2)]})
+    keep_trials(tmp_path / "b", {OURS: [_trial(0.7)], PAPER: [_trial(1.5)]})
+    told = read_trials([tmp_path / "a", tmp_path / "b"])
+    assert [(t.seed, t.error_deg) for t in told[OURS]] == [(1, 0.7), (2, None)]
+    assert told[PAPER] == [_trial(1.5)]
+
+
+def test_a_line_that_is_no_outcome_is_not_read(tmp_path):
+    (tmp_path / "a").write_text('{"row": "x", "trial": {"seed": 1}}\n')
+    with pytest.raises(ValueError, match="model"):
+        read_trials([tmp_path / "a"])
+
+
+def test_the_table_of_what_was_kept_measures_nothing(tmp_path):
+    kept = tmp_path / "kept.jsonl"
+    assert list(measure(Table(), 1, 5, effects=False, core=True, keep=kept)) == [1]
+    result = CliRunner().invoke(app, ["angle", "--read", str(kept), "--json"])
+    assert result.exit_code == 0, result.output
+    told = json.loads(result.stdout)
+    assert told["seeds"] == [5, 5]
+    assert {name: row["trials"] for name, row in told["rows"].items()} == {
+        OURS: 1, OURS_KNOWN: 1, PAPER: 1,
+    }  # fmt: skip
 
 
 def test_the_command_prints_one_json_object():

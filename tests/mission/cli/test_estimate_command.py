@@ -28,13 +28,14 @@ def run(*words):
 
 
 def examples():
-    text = (ROOT / "README.md").read_text()
+    text = (ROOT / "docs" / "estimate.md").read_text()
     lines = [line for line in text.splitlines() if line.startswith("bladescout estimate tests/")]
+    assert len(lines) == 4
     return [shlex.split(line)[2:] for line in lines]
 
 
 @pytest.mark.parametrize("words", examples(), ids=lambda words: Path(words[0]).name)
-def test_what_the_readme_types_finds_the_angle(words, monkeypatch):
+def test_what_the_page_types_finds_the_angle(words, monkeypatch):
     monkeypatch.chdir(ROOT)
     result = run(*words, *([] if "--json" in words else ["--json"]))
     assert result.exit_code == 0, result.stderr
