@@ -72,26 +72,25 @@ def find_strip(
     """
     width_px = grey.shape[1]
     sight = near_w - camera.position_w
-    aside = np.cross(axis_w, sight)
-    size = float(np.linalg.norm(aside))
+    aside_w = aside_of(axis_w, sight)
     depth_m = float(sight @ camera.rotation_wc[:, 2])
-    if size < 1e-6 or depth_m < 1.0:
+    if aside_w is None or depth_m < 1.0:
         return None
-    aside_w = aside / size
     length_m = STRETCH * width_px * depth_m / float(matrix[0, 0])
-    frame_w = np.stack([near_w - length_m * axis_w, near_w + length_m * axis_w, near_w + aside_w])
-    pixels, ahead = project_all(np.concatenate([frame_w, near_w[None]]), camera, matrix)
+    half_w = length_m * axis_w
+    places_w = np.stack([near_w - half_w, near_w + half_w, near_w + aside_w, near_w])
+    pixels, ahead = project_all(places_w, camera, matrix)
     if not ahead.all():
         return None
     start, end, beside, centre = pixels
-    px_per_m = float(np.linalg.norm(beside - centre))
+    px_per_m = math.dist(beside, centre)
     step_px = max(1.0, width_px / ACROSS)
     step_m = step_px / max(px_per_m, 1e-6)
     reach_m = REACH_SIGMAS * sigma_m + WIDEST * chord_m
     steps = int(min(reach_m / step_m, ACROSS))
     across = (beside - centre) / max(px_per_m, 1e-6) * step_px
     strength = _edges(grey, start, end, across, steps)
-    usual = float(np.median(strength))
+    usual = float(np.sort(strength)[steps])  # the middle one of 2 steps + 1
     least = max(LEAST_GREY, LEAST_CONTRAST * usual)
     widths = (NARROWEST * thickness_m / step_m, WIDEST * chord_m / step_m)
     low, high, weaker = _best_pair(strength, steps, widths, sigma_m / step_m, least)
@@ -100,9 +99,17 @@ def find_strip(
     return Strip(
         middle_m=0.5 * (low + high) * step_m,
         width_m=(high - low) * step_m,
-        aside_w=np.asarray(aside_w, np.float64),
+        aside_w=aside_w,
         contrast=weaker / max(usual, 1e-6),
     )
+
+
+def aside_of(axis_w: Float, sight_w: Float) -> Float | None:
+    """Return the unit vector (3,) across a blade's axis and the sight; None: along the blade."""
+    (ax, ay, az), (bx, by, bz) = axis_w.tolist(), sight_w.tolist()
+    x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    size = math.sqrt(x * x + y * y + z * z)
+    return None if size < 1e-6 else np.array([x / size, y / size, z / size])
 
 
 class StripFollower:
@@ -133,7 +140,7 @@ class StripFollower:
         # Of two the newer: it is the one that the LiDAR's line may have corrected.
         if len(middles) < _JOINED:
             return middles[-1] - expected_m, widths[-1]
-        return float(np.median(middles)) - expected_m, float(np.median(widths))
+        return sorted(middles)[1] - expected_m, sorted(widths)[1]
 
 
 @njit(cache=True, nogil=True)

@@ -60,6 +60,8 @@ class EvTimeline:
         )
         self._confirm_s = 0.05
         self._last: tuple[float, Float] | None = None
+        self._judged: tuple[float, NDArray[np.intp]] | None = None
+        """Hypotheses that are still good, and the confirmation time they were judged with."""
 
     @property
     def known(self) -> bool:
@@ -69,7 +71,9 @@ class EvTimeline:
     @property
     def latency_s(self) -> float:
         """Middle of the hypotheses that are still good."""
-        return float(np.median(LATENCIES_S[self._good()]))
+        good = LATENCIES_S[self._good()]
+        # They ascend: the middle one, or the mean of the two.
+        return float(good[(len(good) - 1) // 2] + good[len(good) // 2]) / 2
 
     def lead_s(self, period_s: float) -> float:
         """Return the time from a frame to the first frame that its answer exposes."""
@@ -154,6 +158,7 @@ class EvTimeline:
                 share = (stamp_s - self._last[0]) / float(LATENCIES_S[-1] - LATENCIES_S[0])
                 self._costs = _KEPT ** (weight * share) * self._costs + weight * costs
                 self._costs -= self._costs.min()
+                self._judged = None
         self._last = (stamp_s, evs)
 
     def _weight(self, stamp_s: float) -> float:
@@ -162,12 +167,16 @@ class EvTimeline:
         return 1.0 / max(1, sum(since_s < one.stamp_s <= stamp_s for one in self._settings)) ** 2
 
     def _good(self) -> NDArray[np.intp]:
+        if self._judged is not None and self._judged[0] == self._confirm_s:
+            return self._judged[1]
         # Nothing shows before it was asked for.
         possible = LATENCIES_S + self._confirm_s >= -0.01
         costs = np.where(possible, self._costs, np.inf)
         best, usual = float(costs.min()), float(np.median(self._costs[possible]))
         # Where a latency varies across a frame, two neighbours share the votes.
-        return np.flatnonzero(costs <= best + max(GOOD, 0.5 * (usual - best)))
+        good = np.flatnonzero(costs <= best + max(GOOD, 0.5 * (usual - best)))
+        self._judged = self._confirm_s, good
+        return good
 
     def _evs_by_latency(self, stamp_s: float) -> Float:
         """Return the EV in force at a frame under every hypothesis."""

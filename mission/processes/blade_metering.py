@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -10,7 +11,13 @@ import numpy as np
 from config.settings import Settings
 from config.turbine import Turbine
 from mission.flight.command import SensingTask
-from perception.blade_strip import AIMED_SIGMA_M, SEEN_SIGMA_M, StripFollower, find_strip
+from perception.blade_strip import (
+    AIMED_SIGMA_M,
+    SEEN_SIGMA_M,
+    StripFollower,
+    aside_of,
+    find_strip,
+)
 from perception.geometry import pinhole_matrix
 from perception.metering import Metered, blade_outline, meter_disc, meter_outline
 from perception.projection import project
@@ -27,7 +34,7 @@ SUPPOSED_RADII, SHOWN_RADII = 4.0, 2.5
 MOST_DRIFT_M = 4.0
 #: The metre is known to this share of the blade.
 ABOUT = 0.06
-_STATIONS = 60
+_SPAN: Float = np.linspace(0.0, 1.0, 60, dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,8 +55,8 @@ class BladeMetering:
     def __init__(self, settings: Settings, turbines: Mapping[str, Turbine]) -> None:
         """``turbines``: dimensions by the name of the site."""
         self._settings = settings
-        self._turbines = turbines
         self._follower = StripFollower()
+        self._sections = {name: _sections(turbine) for name, turbine in turbines.items()}
         self._task_id = -1
 
     def meter(
@@ -70,24 +77,25 @@ class BladeMetering:
             settings.focal_length_mm / settings.sensor_width_mm * width, width, height
         )
         root_w, tip_w = np.asarray(task.blade_root_w), np.asarray(task.blade_tip_w)
-        # Where the LiDAR does not see it, the camera is still aimed where the flight has it.
-        shift_w = _aimed_beside(camera, root_w, tip_w)
         if foot_w is not None:
             shift_w = _beside(foot_w, root_w, tip_w)
+        else:
+            # Where the LiDAR does not see it, the camera is still aimed where the flight has it.
+            shift_w = _aimed_beside(camera, root_w, tip_w)
         root_w, tip_w = root_w + shift_w, tip_w + shift_w
         radius_px = self._settings.exposure.disc_radius * width
         near_w = looked_at(camera, root_w, tip_w)
-        turbine = self._turbines.get(task.turbine)
-        if turbine is not None:
+        sections = self._sections.get(task.turbine)
+        if sections is not None:
             found = self._on_blade(
-                frame, camera, matrix, (root_w, tip_w, near_w), turbine,
+                frame, camera, matrix, (root_w, tip_w, near_w), sections,
                 shift_w, seen=foot_w is not None,
             )  # fmt: skip
             if found is not None:
                 return found
         near_px = project(near_w, camera, matrix)
         metered = meter_disc(frame.grey, near_px, radius_px)
-        range_m = float(np.linalg.norm(near_w - camera.position_w))
+        range_m = math.dist(near_w, camera.position_w)
         return MeteredBlade(metered, near_px, radius_px, None, range_m)
 
     def _on_blade(
@@ -96,49 +104,58 @@ class BladeMetering:
         camera: CameraPose,
         matrix: Float,
         axis: tuple[Float, Float, Float],
-        turbine: Turbine,
+        sections: tuple[Float, Float],
         shift_w: Float,
         *,
         seen: bool,
     ) -> MeteredBlade | None:
         """Meter a strip along the blade.
 
-        ``axis``: root, tip and the point looked at, (3,) each; ``shift_w``: (3,) of them from where
-        the model has them; ``seen``: the LiDAR has the blade.
+        ``axis``: root, tip and the point looked at, (3,) each; ``sections``: chord and thickness
+        (m) at every station; ``shift_w``: (3,) of the axis from where the model has it; ``seen``:
+        the LiDAR has the blade.
         """
         radius_px = self._settings.exposure.disc_radius * frame.grey.shape[1]
         root_w, tip_w, near_w = axis
-        span = np.linspace(0.0, 1.0, _STATIONS)
-        chord = np.interp(span, turbine.blade.span, turbine.blade.chord_m)
-        thick = chord * np.interp(span, turbine.blade.span, turbine.blade.thickness)
-        length_m = float(np.linalg.norm(tip_w - root_w))
-        here = float(np.linalg.norm(near_w - root_w)) / max(length_m, 1e-6)
-        about = np.abs(span - here) < ABOUT
+        chord, thick = sections
+        length_m = math.dist(tip_w, root_w)
+        here = math.dist(near_w, root_w) / max(length_m, 1e-6)
+        about = np.abs(_SPAN - here) < ABOUT
+        axis_w = (tip_w - root_w) / max(length_m, 1e-6)
+        aside_w = aside_of(axis_w, near_w - camera.position_w)
+        if aside_w is None:
+            return None
         strip = find_strip(
             frame.grey,
             near_w,
-            (tip_w - root_w) / max(length_m, 1e-6),
+            axis_w,
             camera,
             matrix,
             chord_m=float(chord[about].max()),
             thickness_m=float(thick[about].min()),
             sigma_m=SEEN_SIGMA_M if seen else AIMED_SIGMA_M,
         )
-        aside_w = _aside(tip_w - root_w, near_w - camera.position_w)
         place = self._follower.update(strip, frame.stamp_s, float(shift_w @ aside_w))
         half_m, reach_px = 0.5 * SURE_WIDTH * thick, SUPPOSED_RADII * radius_px
         if place is not None:
             middle_m, width_m = place
             moved_w = middle_m * aside_w
             root_w, tip_w, near_w = root_w + moved_w, tip_w + moved_w, near_w + moved_w
-            half_m = 0.5 * SHOWN_WIDTH * width_m * chord / float(np.interp(here, span, chord))
+            half_m = 0.5 * SHOWN_WIDTH * width_m * chord / float(np.interp(here, _SPAN, chord))
             reach_px = SHOWN_RADII * radius_px
         near_px = project(near_w, camera, matrix)
         outline = blade_outline(root_w, tip_w, half_m, camera, matrix)
         metered = meter_outline(frame.grey, outline, near_px, reach_px)
-        range_m = float(np.linalg.norm(near_w - camera.position_w))
+        range_m = math.dist(near_w, camera.position_w)
         found = MeteredBlade(metered, near_px, reach_px, outline, range_m)
         return None if metered is None else found
+
+
+def _sections(turbine: Turbine) -> tuple[Float, Float]:
+    """Return chord and thickness (m) of a blade from root to tip."""
+    blade = turbine.blade
+    chord = np.interp(_SPAN, blade.span, blade.chord_m)
+    return chord, chord * np.interp(_SPAN, blade.span, blade.thickness)
 
 
 def looked_at(camera: CameraPose, root_w: Float, tip_w: Float) -> Float:
@@ -152,11 +169,6 @@ def looked_at(camera: CameraPose, root_w: Float, tip_w: Float) -> Float:
     return nearest
 
 
-def _aside(axis_w: Float, sight_w: Float) -> Float:
-    across = np.cross(axis_w, sight_w)
-    return np.asarray(across / max(float(np.linalg.norm(across)), 1e-9), np.float64)
-
-
 def _aimed_beside(camera: CameraPose, root_w: Float, tip_w: Float) -> Float:
     """Return how far (3,) beside the modelled axis the camera is aimed; 0 where not at the blade.
 
@@ -166,14 +178,13 @@ def _aimed_beside(camera: CameraPose, root_w: Float, tip_w: Float) -> Float:
     sight = camera.rotation_wc[:, 2]
     away = nearest_w - camera.position_w
     beside: Float = (away @ sight) * sight - away
-    axis = (tip_w - root_w) / np.linalg.norm(tip_w - root_w)
-    beside = beside - (beside @ axis) * axis
-    return beside if float(np.linalg.norm(beside)) < MOST_DRIFT_M else np.zeros(3)
+    axis = tip_w - root_w
+    beside = beside - (beside @ axis) / (axis @ axis) * axis
+    return beside if float(beside @ beside) < MOST_DRIFT_M**2 else np.zeros(3)
 
 
 def _beside(foot_w: Float, root_w: Float, tip_w: Float) -> Float:
     """Return how far (3,) the blade was last seen beside the modelled axis."""
-    axis = (tip_w - root_w) / np.linalg.norm(tip_w - root_w)
-    offset = foot_w - root_w
-    across: Float = offset - (offset @ axis) * axis
+    axis, offset = tip_w - root_w, foot_w - root_w
+    across: Float = offset - (offset @ axis) / (axis @ axis) * axis
     return across
