@@ -46,7 +46,7 @@ test-parts:
 	  --ignore=tests/mission/processes --ignore=tests/mission/records \
 	  --ignore=tests/mission/replay --ignore=tests/system $(PYTEST_ARGS)
 
-faults: env ## the long cases of the fault table: real processes, many draws (FAULTS="words of a row" picks)
+faults: env ## the long cases of the fault table: real processes, many draws (FAULTS="words of a row; of another" picks)
 	$(BIN)/pytest -m faults tests/faults --figures tests/faults/measured.json --rows "$(FAULTS)"
 	$(BIN)/python -m tests.faults.safety
 

@@ -23,6 +23,12 @@ from tests.faults.rig import Rig
 #: Of a trace: one line, the bus, and one tick.
 SAMPLED_S = 0.08
 FLYING = ("ascend", "approach", "estimate", "track")
+#: Far off at first, and then on at a steady 1.5 m/s.
+CLOSING = (
+    "simulation.truth.launch_distance_m=60",
+    "airframe.max_speed_mps=1.5",
+    "guard.max_speed_near_mps=1.5",
+)
 
 
 @contextlib.contextmanager
@@ -56,12 +62,14 @@ def closing_mps(line):
 
 
 def closing(rig, within_s=240.0):
-    """Wait until the vehicle closes on the turbine at a good 1.4 m/s, in offboard."""
+    """Wait until the vehicle closes on the turbine at a steady 1.4 m/s or more, in offboard."""
 
     def closes():
-        newest = rig.trace()[-1]
+        lines = rig.trace()
+        newest = lines[-1]
         ours = newest["mode"] == "OFFBOARD" and newest["intention"] == "OFFBOARD"
-        return ours and closing_mps(newest) > 1.4
+        last = [closing_mps(line) for line in lines if line["mission_s"] > newest["mission_s"] - 1]
+        return ours and min(last) > 1.4 and max(last) - min(last) < 0.2
 
     rig.until(closes, within_s, every_s=0.02)
 
@@ -101,12 +109,12 @@ def one_flight():
 def blocked_while_closing():
     with (
         tempfile.TemporaryDirectory(prefix="bladescout-fault-") as name,
-        Rig(Path(name), "simulation.truth.launch_distance_m=60") as rig,
+        Rig(Path(name), *CLOSING) as rig,
     ):
         rig.start().phase("ascend", "approach")
         closing(rig)
         speed = closing_mps(rig.trace()[-1])
-        seen = _stop_flight(rig, 5.0)
+        seen = _stop_flight(rig, 5.0, at_most_m=2.3)
     return dataclasses.replace(seen, figure=f"closing at {speed:.1f} m/s; {seen.figure}")
 
 
@@ -138,7 +146,7 @@ def _kill_tracking(rig):
     return Seen(1, rig.names(), reacted_s, "flying", figure=words)
 
 
-def _stop_flight(rig, seconds):
+def _stop_flight(rig, seconds, at_most_m=math.inf):
     flight = rig.process("mission.processes.flight")
     flight.suspend()
     begun_s = rig.now_s()
@@ -156,11 +164,11 @@ def _stop_flight(rig, seconds):
     assert first_s > resumed_s, "a setpoint of the time before was sent"
     moved = moved_m(during)
     speed = float(np.linalg.norm(during[0]["velocity_w"]))
-    assert moved <= 1.1 * speed + speed**2 / 4 + 0.3
     words = (
         f"at {speed:.1f} m/s: held {held - begun_s:.2f} s after, moved {moved:.1f} m; the next "
         f"setpoint {first_s - resumed_s:.2f} s after control was back"
     )
+    assert moved <= min(1.1 * speed + speed**2 / 4 + 0.3, at_most_m), words
     return Seen(1, rig.names(), max(0.0, last_s - begun_s), "flying", figure=words)
 
 
