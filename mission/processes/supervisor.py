@@ -42,6 +42,7 @@ class Supervisor:
         self._history = History(view=shorter_mm / camera.focal_length_mm)
         self._bus: Bus | None = None
         self._started: Intent | None = None
+        self._linked = False
         keys = settings.bus.keys
         roles = read_roles(Path(keys)) if keys else {}
         self._figures = Figures(self._history, Path(settings.missions_dir), settings.vehicle)
@@ -97,9 +98,20 @@ class Supervisor:
 
     def _take_state(self, sample: Sample) -> None:
         self._history.take(sample)
-        if self._history.state is not None:
+        state = self._history.state
+        if state is None:
+            return
+        if not self.ready.is_set():
             self.ready.set()
-            self._desk.take_state(self._history.state)
+            log.info("%s takes requests at %s", self._settings.vehicle, self._where())
+        if state.link_ok != self._linked:
+            self._linked = state.link_ok
+            log.info("the vehicle %s", "is heard" if self._linked else "is not heard any more")
+        self._desk.take_state(state)
+
+    def _where(self) -> str:
+        bus = self._settings.bus
+        return " and ".join(one for one in (bus.listen, bus.remote, bus.uplink) if one)
 
     def _take_ready(self, sample: Sample) -> None:
         """Tell a recorder that came up late, or came back, which mission is under way."""
