@@ -25,6 +25,9 @@ class Autopilot(ConfigModel):
     position_rate_hz: Annotated[float, Field(ge=5, le=200)] = 50.0
     record_link: bool = True
     """Record every MAVLink message as it was on the wire (`link.tlog`)."""
+    strict: bool = True
+    """Refuse a vehicle that does not tell of its remote control, battery or failsafes; a
+    simulator need not have them."""
     set_parameters: bool = False
     """Set the parameters that preflight demands (offboard loss, return height), not only check."""
 

@@ -44,6 +44,8 @@ _MODES: dict[str, tuple[float, ...]] = {
 
 #: Wall seconds without a heartbeat (1 Hz by the protocol) after which the link counts as lost.
 _SILENT_S = 3.5
+#: A vehicle that sends its attitude by quaternion has done so within so many seconds.
+_QUATERNION_WITHIN_S = 2.0
 #: The autopilot's reason follows its refusal.
 _REASON_S = 0.1
 
@@ -60,7 +62,7 @@ class AutopilotLink:
         self._wire: Wire | None = None
         self._parameters: Parameters | None = None
         self._rates: MessageRates | None = None
-        self._keeping: asyncio.Task[None] | None = None
+        self._keeping: asyncio.Future[tuple[None, None]] | None = None
         self.setpoints_sent = 0
         """Setpoints sent since the link was opened."""
 
@@ -78,7 +80,7 @@ class AutopilotLink:
         self._rates = MessageRates(
             self._wire, lambda: self.connected, self._settings.position_rate_hz
         )
-        self._keeping = asyncio.create_task(self._rates.keep(), name="message rates")
+        self._keeping = asyncio.gather(self._rates.keep(), self._take_angles_for_quaternions())
         return self
 
     async def __aexit__(self, *_: object) -> None:
@@ -116,6 +118,12 @@ class AutopilotLink:
     def awake(self) -> bool:
         """The vehicle was asked for everything that a flight needs, and has answered."""
         return self._rates is not None and self._rates.awake
+
+    async def _take_angles_for_quaternions(self) -> None:
+        """Hear the attitude as angles where, for a while, no quaternion came."""
+        await asyncio.sleep(_QUATERNION_WITHIN_S)
+        if not self._state.has_quaternion:
+            self.wire.listen(VehicleState.EULER_ATTITUDE, self._state.take, component_id=1)
 
     def send_setpoint(self, position_w: Vec3, velocity_w: Vec3, yaw_rad: float) -> None:
         """Send position, velocity fed forward and yaw (ENU) now, on this thread.

@@ -7,15 +7,25 @@ from collections import deque
 from dataclasses import dataclass
 from enum import StrEnum
 
+from drivers.autopilot_texts import StatusText, StatusTexts
 from drivers.autopilot_wire import Received
 from drivers.clock import Clock
-from drivers.frames import Quaternion, Vec3, swap_attitude, swap_enu_ned, yaw_of
+from drivers.frames import (
+    Quaternion,
+    Vec3,
+    quaternion_of,
+    swap_attitude,
+    swap_enu_ned,
+    yaw_of,
+)
 from drivers.stamps import MinimumOffset
 
 _NEVER = float("-inf")
 _ARMED = 0x80
 _PREARM_CHECK = 0x10000000
 _RC_RECEIVER = 0x00010000
+#: MAV_STATE standby, active.
+_STANDING_BY = (3, 4)
 _LANDED_ON_GROUND = 1
 _LANDED_FLYING = (2, 3, 4)
 _MAIN_AUTO, _MAIN_OFFBOARD = 4, 6
@@ -24,6 +34,8 @@ _MAIN_AUTO, _MAIN_OFFBOARD = 4, 6
 _RESET_STEP_M = 0.8
 _RESET_INTERVAL_S = 0.5
 _SAME_RESET_S = 1.0
+#: So high above its home a vehicle without a landed state is taken to fly.
+_HIGH_M = 1.0
 #: Over a longer gap between two attitudes the gyro is not integrated.
 _GYRO_GAP_S = 0.5
 #: The rate of the positions is that of so many.
@@ -106,16 +118,6 @@ class VehicleReading:
     """The heading as the gyro alone carries it on from the first one; None: no rates are told."""
 
 
-@dataclass(frozen=True, slots=True)
-class StatusText:
-    """A sentence of the autopilot."""
-
-    stamp_s: float
-    severity: int
-    """MAV_SEVERITY: 0 emergency to 7 debug."""
-    text: str
-
-
 class VehicleState:
     """Newest of every message, kept by MAVSDK's thread and read by the tick.
 
@@ -138,12 +140,17 @@ class VehicleState:
         "STATUSTEXT",
     )
 
+    EULER_ATTITUDE = "ATTITUDE"
+    """What tells the attitude of a vehicle that sends no quaternion; twice as often as wanted."""
+
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
         self._boot = MinimumOffset(window_s=5.0)
         self._position: tuple[float, float, Vec3, Vec3] | None = None
         self._position_times_s: deque[float] = deque(maxlen=_RATE_OF)
         self._attitude: tuple[float, Quaternion] | None = None
+        self.has_quaternion = False
+        """The vehicle tells its attitude by quaternion."""
         self._gyro: tuple[float, float, float, float] | None = None
         """Stamp, heading, the gyro's heading and its rate."""
         self._geodetic: Vec3 | None = None
@@ -151,23 +158,26 @@ class VehicleState:
         self._heartbeat_s = _NEVER
         self._mode = (VehicleMode.UNKNOWN, _NEVER)
         self._intended: VehicleMode | None = None
-        self._landed_state = 0
+        self._landed_state: int | None = None
         self._battery: tuple[float, float] | None = None
         self._has_battery_status = False
         self._wind: Vec3 | None = None
         self._home: Vec3 | None = None
-        self._healthy = False
+        self._home_altitude_m: float | None = None
+        self._standing_by = False
+        self._healthy: bool | None = None
         self._rc_link: bool | None = None
         self._gps: tuple[int, float | None, int | None] | None = None
         self._resets = 0
         self._odometry_reset: int | None = None
         self._stepped_s = _NEVER
-        self._texts: tuple[StatusText, ...] = ()
+        self._texts = StatusTexts()
         self._takers = {
             "HEARTBEAT": self._take_heartbeat,
             "CURRENT_MODE": self._take_current_mode,
             "LOCAL_POSITION_NED": self._take_position,
             "ATTITUDE_QUATERNION": self._take_attitude,
+            self.EULER_ATTITUDE: self._take_euler_attitude,
             "GLOBAL_POSITION_INT": self._take_geodetic,
             "EXTENDED_SYS_STATE": self._take_landed_state,
             "SYS_STATUS": self._take_system_status,
@@ -203,15 +213,15 @@ class VehicleState:
             mode=mode,
             mode_stamp_s=mode_stamp_s,
             armed=self._armed,
-            in_air=self._landed_state in _LANDED_FLYING,
-            landed=self._landed_state == _LANDED_ON_GROUND,
+            in_air=self._flies(position_w),
+            landed=self._stands(position_w),
             heartbeat_stamp_s=self._heartbeat_s,
             attitude_stamp_s=attitude_stamp_s,
             battery=battery,
             battery_stamp_s=battery_stamp_s,
             wind_w=self._wind,
             home_w=self._home,
-            healthy=self._healthy,
+            healthy=self._standing_by if self._healthy is None else self._healthy,
             reset_count=self._resets,
             latitude_deg=latitude,
             longitude_deg=longitude,
@@ -225,6 +235,20 @@ class VehicleState:
             gyro_yaw_rad=None if self._gyro is None else self._gyro[2],
         )
 
+    def _flies(self, position_w: Vec3) -> bool:
+        if self._landed_state is not None:
+            return self._landed_state in _LANDED_FLYING
+        return self._armed and self._high(position_w)
+
+    def _stands(self, position_w: Vec3) -> bool:
+        if self._landed_state is not None:
+            return self._landed_state == _LANDED_ON_GROUND
+        return not self._armed and not self._high(position_w)
+
+    def _high(self, position_w: Vec3) -> bool:
+        """Return whether a vehicle that does not tell whether it has landed is above its home."""
+        return position_w[2] - (0.0 if self._home is None else self._home[2]) > _HIGH_M
+
     def _position_hz(self) -> float | None:
         times_s = tuple(self._position_times_s)
         span_s = times_s[-1] - times_s[0] if len(times_s) == _RATE_OF else 0.0
@@ -232,7 +256,7 @@ class VehicleState:
 
     def texts(self) -> tuple[StatusText, ...]:
         """Return the autopilot's newest sentences, oldest first (at most 50)."""
-        return self._texts
+        return self._texts.newest
 
     @property
     def mode(self) -> VehicleMode:
@@ -242,7 +266,11 @@ class VehicleState:
     @property
     def altitude_m(self) -> float | None:
         """Height above mean sea level, once known."""
-        return None if self._geodetic is None else self._geodetic[2]
+        if self._geodetic is not None:
+            return self._geodetic[2]
+        if self._home is None or self._home_altitude_m is None or self._position is None:
+            return None
+        return self._home_altitude_m + self._position[2][2] - self._home[2]
 
     @property
     def heartbeat_stamp_s(self) -> float:
@@ -260,6 +288,7 @@ class VehicleState:
     def _take_heartbeat(self, message: Received) -> None:
         arrival_s = self._arrival_s(message)
         self._armed = bool(message.integer("base_mode") & _ARMED)
+        self._standing_by = message.integer("system_status") in _STANDING_BY
         mode = mode_of(message.integer("custom_mode"))
         if mode is not self._mode[0]:
             # What was told of the mode before says nothing of who has asked for this one.
@@ -313,6 +342,16 @@ class VehicleState:
         length = math.hypot(*quaternion)
         if not 0.9 < length < 1.1:  # NaN compares false
             return
+        self.has_quaternion = True
+        self._keep_attitude(message, quaternion)
+
+    def _take_euler_attitude(self, message: Received) -> None:
+        """Take the attitude of a vehicle that tells none by quaternion."""
+        angles = (message.number("roll"), message.number("pitch"), message.number("yaw"))
+        if not self.has_quaternion and all(map(math.isfinite, angles)):
+            self._keep_attitude(message, quaternion_of(*angles))
+
+    def _keep_attitude(self, message: Received, quaternion: Quaternion) -> None:
         stamp_s, boot_s = self._boot_stamp(message)
         attitude = swap_attitude(quaternion)
         self._integrate_gyro(message, boot_s, attitude)
@@ -373,6 +412,7 @@ class VehicleState:
         home = (message.number("x"), message.number("y"), message.number("z"))
         if all(map(math.isfinite, home)):
             self._home = swap_enu_ned(home)
+            self._home_altitude_m = message.integer("altitude") * 1e-3
 
     def _take_gps(self, message: Received) -> None:
         accuracy_mm = message.integer("h_acc")
@@ -394,10 +434,12 @@ class VehicleState:
         self._odometry_reset = count
 
     def _take_text(self, message: Received) -> None:
-        text = StatusText(
-            self._arrival_s(message), message.integer("severity"), message.text("text")
+        self._texts.take(
+            self._arrival_s(message),
+            message.integer("severity"),
+            message.text("text"),
+            (message.integer("id"), message.integer("chunk_seq")),
         )
-        self._texts = (*self._texts[-49:], text)
 
 
 def _yaw_rate(attitude: Quaternion, rates_b: Vec3) -> float:

@@ -216,6 +216,9 @@ async def _main(run_dir: Path) -> int:
         loop.add_signal_handler(signal.SIGTERM, task.cancel)
     try:
         return await Field(run_dir).run()
+    except ConnectionError as error:
+        _say({"error": str(error)})
+        return 1
     except asyncio.CancelledError:
         return 0
 

@@ -8,6 +8,8 @@ other simulator does not send (wind, battery) stays unknown.
 from __future__ import annotations
 
 import asyncio
+import logging
+import math
 import time
 from collections.abc import Callable
 
@@ -17,7 +19,7 @@ from drivers.simulated.followed_clock import FollowedClock
 from drivers.simulated.link import CameraSetting, FaultChange, StillRequest, TruthState
 from drivers.simulated.mavlink_payload import MockPayload
 from drivers.simulated.mavlink_streams import Telemetry
-from drivers.simulated.mavlink_wire import MavlinkLink, Message, Received, made
+from drivers.simulated.mavlink_wire import MavlinkLink, Message, Received, finite, made
 from drivers.simulated.ned import Home, enu_quaternion, euler, quaternion_of_euler, swapped, turned
 from drivers.simulated.scene import Scene
 from drivers.simulated.setpoint_timing import SetpointTiming
@@ -26,11 +28,21 @@ from drivers.simulated.vehicle import Vec3
 
 ToRenderer = TruthState | CameraSetting | StillRequest | FaultChange
 
+log = logging.getLogger(__name__)
+
 _TICK_S = 0.02
 _OFFBOARD_MAIN = 6
 #: A peripheral of the same vehicle, as which the field asks for its streams.
 _OWN_COMPONENT = 158
 _ASKED_HZ = {31: 50.0, 32: 50.0, 242: 1.0, 245: 2.0, 231: 1.0}
+_SET_INTERVAL, _REQUEST, _HOME_POSITION = 511, 512, 242
+#: Streams of the vehicle's own clock.
+_TIMED = ("ATTITUDE", "ATTITUDE_QUATERNION", "LOCAL_POSITION_NED", "GLOBAL_POSITION_INT")
+#: After a heartbeat, for its estimator to settle.
+_SETTLE_S = 60.0
+#: So long after its first position a vehicle that tells no home is taken to stand there.
+_NO_HOME_S = 15.0
+_AFTER_MISSION_ASKED_S = 0.5
 
 
 class FollowedWorld:
@@ -70,7 +82,11 @@ class FollowedWorld:
         self._took_off = False
         self._custom_mode = 0
         self._home_l: Vec3 = (0.0, 0.0, 0.0)
+        self._local: Vec3 = (0.0, 0.0, 0.0)
+        """In the vehicle's own frame, whose origin need not be its home."""
         self._seen: set[str] = set()
+        self._positioned_s = math.inf
+        self._ask_at_s = math.inf
         self._wind_max_mps = 0.0
         self._last_truth_s = -1.0
         self._handlers: dict[str, Callable[[Message], None]] = {
@@ -79,6 +95,7 @@ class FollowedWorld:
             "ATTITUDE": self._euler_attitude,
             "LOCAL_POSITION_NED": self._position,
             "HOME_POSITION": self._home,
+            "GLOBAL_POSITION_INT": self._geodetic,
             "EXTENDED_SYS_STATE": self._landed_state,
             "WIND_COV": self._wind,
         }
@@ -93,14 +110,37 @@ class FollowedWorld:
         loop = asyncio.get_running_loop()
         for link in (self._outer, self._inner, self._payload_link):
             loop.add_reader(link.fileno(), self._read, link)
-        deadline_s = loop.time() + self._timeout_s
-        while not {"HEARTBEAT", "LOCAL_POSITION_NED", "HOME_POSITION"} <= self._seen:
-            if loop.time() > deadline_s:
-                missing = "no heartbeat" if "HEARTBEAT" not in self._seen else "no position or home"
-                raise TimeoutError(f"{missing} from {self._url} within {self._timeout_s:.0f} s")
+        limit_s, begun_s = self._timeout_s, loop.time()
+        while missing := self._missing():
+            if missing != "heartbeat" and limit_s == self._timeout_s:
+                limit_s += _SETTLE_S
+            if loop.time() - begun_s > limit_s:
+                words = f"no {missing} from {self._url} within {limit_s:.0f} s"
+                others = sorted(self._outer.systems - {self._system})
+                if missing == "heartbeat" and others:
+                    heard = ", ".join(map(str, others))
+                    words += f" (heard system id {heard}: set autopilot.system_id)"
+                raise TimeoutError(words)
             self._ask_streams()
             await asyncio.sleep(0.5)
         self.payload.camera.start()
+
+    def _missing(self) -> str:
+        """Return what is not known yet of the vehicle; where all is, nothing."""
+        if "HEARTBEAT" not in self._seen:
+            return "heartbeat"
+        if "LOCAL_POSITION_NED" not in self._seen:
+            return "position"
+        if not self._seen & {"ATTITUDE_QUATERNION", "ATTITUDE"}:
+            return "attitude"
+        if "HOME_POSITION" in self._seen:
+            return ""
+        if time.monotonic() - self._positioned_s < _NO_HOME_S:
+            return "home position"
+        log.warning("the vehicle tells no home position: where it stands is taken for it")
+        self._home_l = self._local
+        self._seen.add("HOME_POSITION")
+        return ""
 
     async def run(self) -> None:
         """Step the payload with the followed clock until cancelled."""
@@ -121,6 +161,9 @@ class FollowedWorld:
                     made("heartbeat", 18, 8, 0, 0, 4, 3), self._system, _OWN_COMPONENT, 0
                 )
                 self._outer.flush(1.0)
+            if time.monotonic() > self._ask_at_s:
+                self._ask_at_s = math.inf
+                self._ask_streams()
 
     def close(self) -> None:
         """Close the links."""
@@ -183,9 +226,14 @@ class FollowedWorld:
 
     def _ask_streams(self) -> None:
         for number, hz in _ASKED_HZ.items():
-            ask = made("command_long", self._system, 1, 511, 0, number, 1e6 / hz, 0, 0, 0, 0, 0)
-            self._outer.send(ask, self._system, _OWN_COMPONENT, 0.0)
+            self._command(_SET_INTERVAL, number, 1e6 / hz)
+        if "HOME_POSITION" not in self._seen:
+            self._command(_REQUEST, _HOME_POSITION)
         self._outer.flush(1.0)
+
+    def _command(self, command: int, first: float, second: float = 0.0) -> None:
+        ask = made("command_long", self._system, 1, command, 0, first, second, 0, 0, 0, 0, 0)
+        self._outer.send(ask, self._system, _OWN_COMPONENT, 0.0)
 
     # what is read along
 
@@ -195,6 +243,10 @@ class FollowedWorld:
             offboard = self._telemetry.armed and self._custom_mode >> 16 & 0xFF == _OFFBOARD_MAIN
             at_s = self._clock.mission_time_of(received.arrival_ns)
             self.timing.arrived(at_s, received.arrival_ns, offboard=offboard)
+        elif getattr(message, "command", 0) == _SET_INTERVAL:
+            # The mission may want less of a stream than the sensors' world does: on one link the
+            # last wish counts.
+            self._ask_at_s = time.monotonic() + _AFTER_MISSION_ASKED_S
 
     def _heard(self, received: Received) -> None:
         message = received.message
@@ -204,6 +256,9 @@ class FollowedWorld:
         if handler is not None:
             handler(message)
             self._seen.add(message.get_type())
+        boot_ms = getattr(message, "time_boot_ms", None)
+        if message.get_type() in _TIMED and boot_ms is not None:
+            self._follow.take(int(boot_ms) * 1e-3)
 
     def _heartbeat(self, message: Message) -> None:
         self._telemetry.armed = bool(int(getattr(message, "base_mode", 0)) & 0x80)
@@ -220,8 +275,14 @@ class FollowedWorld:
     def _home(self, message: Message) -> None:
         get = [float(getattr(message, n, 0.0)) for n in ("latitude", "longitude", "altitude")]
         self._telemetry.home = Home(get[0] * 1e-7, get[1] * 1e-7, get[2] * 1e-3)
-        local = [float(getattr(message, n, 0.0)) for n in ("x", "y", "z")]
+        local = [finite(float(getattr(message, n, 0.0))) for n in ("x", "y", "z")]
         self._home_l = swapped((local[0], local[1], local[2]))
+
+    def _geodetic(self, message: Message) -> None:
+        """Take where the vehicle stands for its home until it tells one."""
+        if "HOME_POSITION" not in self._seen:
+            lat, lon, alt = (float(getattr(message, n, 0.0)) for n in ("lat", "lon", "alt"))
+            self._telemetry.home = Home(lat * 1e-7, lon * 1e-7, alt * 1e-3)
 
     def _attitude(self, message: Message) -> None:
         q = [float(getattr(message, name)) for name in ("q1", "q2", "q3", "q4")]
@@ -241,18 +302,21 @@ class FollowedWorld:
         t = self._telemetry
         p = [float(getattr(message, name)) for name in ("x", "y", "z")]
         v = [float(getattr(message, name)) for name in ("vx", "vy", "vz")]
-        t.position_l, t.velocity_l = swapped((p[0], p[1], p[2])), swapped((v[0], v[1], v[2]))
+        self._local = swapped((p[0], p[1], p[2]))
+        t.velocity_l = swapped((v[0], v[1], v[2]))
+        x, y, z = (here - home for here, home in zip(self._local, self._home_l, strict=True))
+        t.position_l = (x, y, z)
+        self._positioned_s = min(self._positioned_s, time.monotonic())
         boot_s = int(getattr(message, "time_boot_ms", 0)) * 1e-3
-        self._follow.take(boot_s)
         if boot_s > self._last_truth_s:
             self._last_truth_s = boot_s
             self._tell_truth(boot_s)
 
     def _tell_truth(self, at_s: float) -> None:
-        t, launch, home = self._telemetry, self._scene.launch_w, self._home_l
+        t, launch = self._telemetry, self._scene.launch_w
         body_yaw = turned(euler(t.ned_q)[2])
         camera = self.payload.gimbal.truth(body_yaw, _TICK_S)
-        x, y, z = (launch[i] + t.position_l[i] - home[i] for i in range(3))
+        x, y, z = (launch[i] + t.position_l[i] for i in range(3))
         self._to_renderer(
             TruthState(
                 t_s=at_s,
@@ -268,6 +332,7 @@ class FollowedWorld:
 
 def _other_end(url: str) -> str:
     """Return the URL that the vehicle's end of this link would have."""
+    url = url.replace("udp://", "udpin://", 1)
     if url.startswith("udpin://"):
         return "udpout://" + url.removeprefix("udpin://")
     if url.startswith("udpout://"):

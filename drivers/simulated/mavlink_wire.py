@@ -90,7 +90,7 @@ class MavlinkLink:
             self._peers.append(("127.0.0.1" if host in ("", "0.0.0.0") else host, port))  # noqa: S104 (a wildcard read from a URL, not bound)
             self._socket.bind(("", 0))
         else:
-            self._socket.bind((host, port))
+            self._listen(host, port)
         # Without kernel stamps the time of reading stands in.
         with contextlib.suppress(OSError):
             self._socket.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
@@ -105,10 +105,20 @@ class MavlinkLink:
         self._word = "ok"
         self._last: bytes | None = None
         self.counts = LinkCounts()
+        self.systems: set[int] = set()
+        """System ids heard so far."""
         self.on_arrival: Callable[[Received], None] | None = None
         """Called at once for each message, before the link's delay."""
         self.on_bytes: Callable[[bytes], None] | None = None
         """Called at once for each datagram, to relay it."""
+
+    def _listen(self, host: str, port: int) -> None:
+        try:
+            self._socket.bind((host, port))
+        except OSError as error:
+            self._socket.close()
+            words = error.strerror or str(error)
+            raise ConnectionError(f"UDP {host or '*'}:{port}: {words}") from error
 
     def fileno(self) -> int:
         """Return the descriptor to wait on."""
@@ -149,6 +159,7 @@ class MavlinkLink:
             self.counts.unreadable += 1
             return
         self.counts.received += 1
+        self.systems.add(received.message.get_srcSystem())
         if self.on_arrival is not None:
             self.on_arrival(received)
         self._in.append((due_s, received))

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from config.settings import Settings
 
-_URLS = ("udpin://", "udpout://")
+_URLS = ("udpin://", "udpout://", "udp://")
 
 
 def simulate_command(

@@ -155,6 +155,8 @@ class Watch:
     def _battery(self, flight: Flight, vehicle: Vehicle, now: float) -> set[Event]:
         battery = flight.settings.battery
         aged = now - vehicle.battery_stamp_s > battery.telemetry_timeout_s
+        if vehicle.battery is None and not flight.settings.autopilot.strict:
+            return set()
         if vehicle.battery is None or aged:
             return {Event.BATTERY_UNKNOWN}
         # The way home leads round the rotor: the tip's height is on it only from above the hub.

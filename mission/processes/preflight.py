@@ -78,9 +78,11 @@ def preflight_items(
     mission_dir: Path,
 ) -> tuple[PreflightItem, ...]:
     """Return every check, passed or not."""
-    items = [_vehicle(vehicle), _battery(vehicle), _gps(vehicle), _home(vehicle)]
-    items += [radio_item(vehicle), clock_item()]
-    items += _parameter_items(turbine, parameters)
+    strict = settings.autopilot.strict
+    items = [_vehicle(vehicle), _battery(vehicle, strict), _gps(vehicle, strict)]
+    items += [_home(vehicle, strict)]
+    items += [radio_item(vehicle, strict=strict), clock_item()]
+    items += _parameter_items(turbine, parameters, strict=strict)
     items += failsafe_items(parameters)
     lidar = sensing is not None and sensing.lidar_online
     camera = sensing is not None and sensing.camera_online
@@ -130,35 +132,41 @@ def _vehicle(vehicle: VehicleReading | None) -> PreflightItem:
     return PreflightItem("vehicle", vehicle.healthy, text, mend)
 
 
-def _battery(vehicle: VehicleReading | None) -> PreflightItem:
+def _battery(vehicle: VehicleReading | None, strict: bool) -> PreflightItem:
     charge = None if vehicle is None else vehicle.battery
     if charge is None:
-        return PreflightItem("battery", False, "no battery telemetry", "check the power module")
+        mend = "check the power module" if strict else ""
+        return PreflightItem("battery", not strict, "no battery telemetry", mend)
     passed = charge >= MIN_BATTERY
     return PreflightItem(
         "battery", passed, f"{charge:.0%} left", "" if passed else "fit a charged battery"
     )
 
 
-def _gps(vehicle: VehicleReading | None) -> PreflightItem:
+def _gps(vehicle: VehicleReading | None, strict: bool) -> PreflightItem:
     fix = None if vehicle is None else vehicle.gps_fix
+    if fix is None and not strict:
+        return PreflightItem("gps", True, "no GPS report")
     eph_m = None if vehicle is None else vehicle.gps_eph_m
     passed = fix is not None and fix >= 3 and (eph_m is None or eph_m <= MAX_EPH_M)
     text = "no GPS report" if fix is None else f"fix type {fix}, accuracy {eph_m or 0:.1f} m"
     return PreflightItem("gps", passed, text, "" if passed else "wait for a 3D fix")
 
 
-def _home(vehicle: VehicleReading | None) -> PreflightItem:
-    passed = vehicle is not None and vehicle.home_w is not None
-    text = "home position is set" if passed else "no home position"
+def _home(vehicle: VehicleReading | None, strict: bool) -> PreflightItem:
+    told = vehicle is not None and vehicle.home_w is not None
+    passed = told or not strict
+    text = "home position is set" if told else "no home position"
     return PreflightItem("home", passed, text, "" if passed else "wait for the home position")
 
 
-def _parameter_items(turbine: Turbine, parameters: Mapping[str, float]) -> list[PreflightItem]:
+def _parameter_items(
+    turbine: Turbine, parameters: Mapping[str, float], *, strict: bool
+) -> list[PreflightItem]:
     items = []
     for name, wanted in wanted_parameters(turbine).items():
         value = parameters.get(name)
-        passed = value is not None and _acceptable(name, value, wanted)
+        passed = not strict if value is None else _acceptable(name, value, wanted)
         shown = "not reported" if value is None else f"{value:g}"
         mend = "" if passed else f"param set {name} {wanted:g}"
         items.append(PreflightItem(name, passed, f"{name} is {shown}", mend))

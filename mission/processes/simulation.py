@@ -86,6 +86,9 @@ def on_loopback(settings: Settings) -> Settings:
         "payload_url": f"udpin://127.0.0.1:{free_port(udp)}",
         "set_parameters": True,
     }
+    if settings.simulation.autopilot_url:
+        # Nobody holds a remote control there, and what it does not simulate it does not send.
+        autopilot["strict"] = False
     camera = {
         "stream_url": f"rtsp://127.0.0.1:{free_port()}/live",
         "source": "rtsp" if settings.simulation.sensors == "wire" else "bus",

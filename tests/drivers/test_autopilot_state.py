@@ -177,3 +177,51 @@ def test_without_rates_there_is_no_heading_of_the_gyro() -> None:
     reading = state.reading()
     assert reading is not None
     assert reading.gyro_yaw_rad is None
+
+
+def test_a_vehicle_without_quaternions_is_taken_by_its_angles() -> None:
+    state = VehicleState(MonotonicClock())
+    state.take(message("HEARTBEAT", base_mode=0x81, custom_mode=6 << 16))
+    state.take(position(1.0))
+    angles = {"roll": 0.1, "pitch": -0.2, "yaw": 0.3, "yawspeed": 0.0, "pitchspeed": 0.0}
+    state.take(message("ATTITUDE", 101.0, time_boot_ms=1000, **angles))
+    reading = state.reading()
+    assert reading is not None
+    assert reading.yaw_rad == pytest.approx(math.pi / 2 - 0.3)
+    state.take(message("ATTITUDE", 101.0, time_boot_ms=1000, **angles | {"yaw": math.nan}))
+    state.take(message("ATTITUDE_QUATERNION", 101.0, time_boot_ms=1000, q1=1.0, q2=0, q3=0, q4=0))
+    state.take(message("ATTITUDE", 101.1, time_boot_ms=1100, **angles))
+    reading = state.reading()
+    assert reading is not None
+    assert reading.yaw_rad == pytest.approx(math.pi / 2)
+
+
+def test_a_vehicle_that_does_not_tell_whether_it_landed_is_judged_by_its_height() -> None:
+    state = known_state()  # 30 m up, armed
+    reading = state.reading()
+    assert reading is not None
+    assert (reading.in_air, reading.landed) == (True, False)
+    state.take(message("HEARTBEAT", base_mode=0x01, custom_mode=6 << 16))
+    state.take(message("HOME_POSITION", x=0.0, y=0.0, z=-29.6, altitude=500_000))
+    reading = state.reading()
+    assert reading is not None
+    assert (reading.in_air, reading.landed) == (False, True)
+    assert state.altitude_m == pytest.approx(500.4)
+    state.take(message("EXTENDED_SYS_STATE", landed_state=2))
+    reading = state.reading()
+    assert reading is not None
+    assert (reading.in_air, reading.landed) == (True, False)
+
+
+def test_a_vehicle_without_system_status_may_be_armed_when_it_stands_by() -> None:
+    state = known_state()
+    for status, healthy in ((1, False), (3, True)):
+        state.take(message("HEARTBEAT", base_mode=1, custom_mode=6 << 16, system_status=status))
+        reading = state.reading()
+        assert reading is not None
+        assert reading.healthy is healthy
+    prearm = {f"onboard_control_sensors_{word}": 0x10000000 for word in ("present", "enabled")}
+    state.take(message("SYS_STATUS", **prearm, onboard_control_sensors_health=0))
+    reading = state.reading()
+    assert reading is not None
+    assert not reading.healthy

@@ -5,25 +5,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.frames import pitch_up_of, swap_attitude, swap_enu_ned, swap_yaw, yaw_of
+from drivers.frames import (
+    pitch_up_of,
+    quaternion_of,
+    swap_attitude,
+    swap_enu_ned,
+    swap_yaw,
+    yaw_of,
+)
 from perception.geometry import rotation_from_quaternion
 
 NED_FROM_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 FRD_FROM_FLU = np.diag([1.0, -1.0, -1.0])
 numbers = st.floats(-1e3, 1e3)
 angles = st.floats(-math.pi, math.pi)
-
-
-def quaternion_of(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
-    cr, sr = math.cos(roll / 2), math.sin(roll / 2)
-    cp, sp = math.cos(pitch / 2), math.sin(pitch / 2)
-    cy, sy = math.cos(yaw / 2), math.sin(yaw / 2)
-    return (
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    )
 
 
 def test_east_north_up_becomes_north_east_down() -> None:

@@ -66,7 +66,8 @@ def _faults(flight: Flight) -> list[str]:
         if not vehicle.healthy and not vehicle.armed:
             faults.append("vehicle: the autopilot says that it may not be armed")
         if vehicle.battery is None:
-            faults.append("battery: no telemetry")
+            if flight.settings.autopilot.strict:
+                faults.append("battery: no telemetry")
         elif vehicle.battery < flight.settings.battery.reserve + 0.2:
             faults.append(f"battery: {vehicle.battery:.0%} is too little to begin")
     if request is not None and request.flight > 1 and flight.earlier is None:

@@ -1,8 +1,10 @@
 import asyncio
 import contextlib
 import socket
+import time
 
 import pytest
+from pymavlink.dialects.v20 import common as mavlink
 
 from config.presets import load_turbine
 from config.settings import Settings
@@ -119,3 +121,87 @@ def test_the_clock_stands_while_the_other_simulator_is_silent(tmp_path):
     assert clock.now_s() == pytest.approx(50.0, abs=0.1)
     follow.watch()
     assert clock.factor() == 0.0
+
+
+async def speak(port, messages, period_s=0.05, system=1):
+    """Send messages of an autopilot by other hands, again and again."""
+    packer = mavlink.MAVLink(None, srcSystem=system, srcComponent=1)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        while True:
+            boot_ms = int(time.monotonic() * 1e3) & 0xFFFFFFF
+            for message in messages(boot_ms):
+                sender.sendto(message.pack(packer), ("127.0.0.1", port))
+            await asyncio.sleep(period_s)
+
+
+def bare(boot_ms):
+    return [
+        mavlink.MAVLink_heartbeat_message(2, 12, 0x01, 4 << 16 | 3 << 24, 3, 3),
+        mavlink.MAVLink_attitude_message(boot_ms, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        mavlink.MAVLink_local_position_ned_message(boot_ms, 40.0, -20.0, -3.0, 0.0, 0.0, 0.0),
+    ]
+
+
+def at_its_home(boot_ms):
+    home = (474000000, 85000000, 500_000, 40.0, -20.0, -3.0, [1, 0, 0, 0], 0.0, 0.0, 0.0)
+    return [*bare(boot_ms), mavlink.MAVLink_home_position_message(*home)]
+
+
+async def followed(tmp_path, messages, **options):
+    port, truth = free_port(socket.SOCK_DGRAM), []
+    inside = f"udpin://127.0.0.1:{free_port(socket.SOCK_DGRAM)}"
+    world = FollowedWorld(
+        settings_for(inside, autopilot_url=f"udp://127.0.0.1:{port}"),
+        scene_at((5.0, -70.0, 1.5)),
+        SharedClockWriter(tmp_path / "clock", 0.0),
+        truth.append,
+    )
+    speaking = asyncio.create_task(speak(port, messages, **options))
+    running = None
+    try:
+        await world.start()
+        running = asyncio.create_task(world.run())
+        await asyncio.sleep(0.5)
+    finally:
+        for task in filter(None, (speaking, running)):
+            task.cancel()
+        await asyncio.gather(*filter(None, (speaking, running)), return_exceptions=True)
+        world.close()
+    return world, [message for message in truth if isinstance(message, TruthState)]
+
+
+async def test_the_origin_of_the_vehicles_frame_need_not_be_its_home(tmp_path):
+    world, truth = await followed(tmp_path, at_its_home)
+    assert truth[-1].position_w == pytest.approx((5.0, -70.0, 1.5))
+    assert world.home.altitude_m == pytest.approx(500.0)
+
+
+async def test_a_vehicle_that_tells_no_home_is_taken_to_stand_there(tmp_path, monkeypatch):
+    monkeypatch.setattr("drivers.simulated.followed_world._NO_HOME_S", 0.3)
+    _, truth = await followed(tmp_path, bare)
+    assert truth[-1].position_w == pytest.approx((5.0, -70.0, 1.5))
+
+
+async def test_the_clock_follows_any_stream_of_a_vehicle_that_tells_its_place_seldom(tmp_path):
+    def seldom(boot_ms):
+        return [m for m in at_its_home(boot_ms) if boot_ms % 1000 < 60 or "ATT" in m.get_type()]
+
+    world, _ = await followed(tmp_path, seldom)
+    assert world.now_s > 0.0
+
+
+async def test_a_vehicle_with_another_system_id_is_named(tmp_path):
+    with pytest.raises(TimeoutError, match=r"heard system id 42: set autopilot\.system_id"):
+        await followed(tmp_path, at_its_home, system=42)
+
+
+async def test_a_port_that_another_program_has_is_one_clear_sentence(tmp_path):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(("127.0.0.1", 0))
+        url = f"udpin://127.0.0.1:{other.getsockname()[1]}"
+        inside = f"udpin://127.0.0.1:{free_port(socket.SOCK_DGRAM)}"
+        clock = SharedClockWriter(tmp_path / "clock", 0.0)
+        with pytest.raises(ConnectionError, match="in use"):
+            FollowedWorld(
+                settings_for(inside, autopilot_url=url), scene_at((0, 0, 0)), clock, print
+            )
