@@ -40,6 +40,7 @@ class CameraReading:
     min_ev: float
     max_ev: float
     step_ev: float
+    evs: tuple[float, ...]
     manual: bool
     shutter_s: float | None
     photos_taken: int
@@ -136,6 +137,7 @@ class Payload:
             min_ev=exposure.min_ev,
             max_ev=exposure.max_ev,
             step_ev=exposure.step_ev,
+            evs=exposure.evs,
             manual=exposure.manual,
             shutter_s=exposure.shutter_s,
             photos_taken=self._shutter.taken,

@@ -108,6 +108,16 @@ class ExposureControl:
         nearest = round(ev / self.step_ev) * self.step_ev
         return max(self.min_ev, min(self.max_ev, nearest))
 
+    @property
+    def evs(self) -> tuple[float, ...]:
+        """All EVs that there are, ascending, where the camera lists them; else there are steps."""
+        listed = () if self._table is None else self._table.exposures
+        return tuple(
+            round(one.ev, 3)
+            for one in listed
+            if self.min_ev - _SAME_EV <= one.ev <= self.max_ev + _SAME_EV
+        )
+
     async def run(self) -> None:
         """Learn what the camera has, then apply wishes until cancelled.
 

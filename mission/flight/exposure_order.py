@@ -1,10 +1,18 @@
-"""When a wanted exposure is sent to the camera."""
+"""When a wanted exposure is sent to the camera, and which exposures it has."""
 
 from __future__ import annotations
 
-from mission.flight.observation import Observation
+from mission.flight.observation import CameraState, Observation
+from perception.exposure_limits import EvSteps
 
 EV_AGAIN_S = 2.0
+
+
+def ev_steps(camera: CameraState) -> EvSteps:
+    """Return the EVs that a camera has: those that it lists, else multiples of its step."""
+    if camera.evs:
+        return EvSteps(camera.evs)
+    return EvSteps.spaced(camera.min_ev, camera.max_ev, camera.step_ev)
 
 
 class ExposureOrder:
@@ -21,9 +29,9 @@ class ExposureOrder:
         camera = observation.camera
         if wanted is None or camera is None or camera.ev is None:
             return None
-        step = camera.step_ev
-        snapped = min(max(round(wanted / step) * step, camera.min_ev), camera.max_ev)
-        now = observation.now_s
+        steps = ev_steps(camera)
+        snapped = steps.nearest(wanted)
+        step, now = steps.width_at(snapped), observation.now_s
         if self._told is not None and abs(self._told[0] - snapped) < step / 2:
             taken = abs(camera.ev - snapped) < 0.75 * step
             if taken or now - self._told[1] < EV_AGAIN_S:

@@ -89,6 +89,8 @@ class CameraState:
     min_ev: float = -3.0
     max_ev: float = 3.0
     step_ev: float = 1 / 3
+    evs: tuple[float, ...] = ()
+    """All EVs that it has, ascending, where it lists them; else multiples of the step."""
     manual: bool = True
     """EV is absolute; otherwise it biases the camera's own automatic."""
     shutter_s: float | None = None

@@ -15,6 +15,7 @@ from config.presets import turbines_of
 from drivers.bus import Bus, Key, Sample
 from drivers.codecs import POINT_CLOUD, BadMessage, decode_frame, encode_points
 from mission.flight.command import SensingMode, SensingTask
+from mission.flight.exposure_order import ev_steps
 from mission.flight.observation import (
     BladeTrack,
     ClearanceState,
@@ -31,7 +32,6 @@ from mission.remote.messages import Intent
 from perception.clearance import OccupancyMemory, RepeatedScans
 from perception.deskew import points_in_world
 from perception.exposure import ExposureControl, exposure_control
-from perception.exposure_limits import EvSteps
 from perception.frame_check import FrameCheck
 from perception.geometry import camera_looking_along, rotation_from_quaternion, vec3
 from perception.metering import histogram_of
@@ -189,7 +189,7 @@ class TrackingWorker:
         cameras = [camera for camera in list(self._inbox.cameras) if camera.ev is not None]
         if not cameras:
             return None
-        steps = EvSteps.spaced(cameras[-1].min_ev, cameras[-1].max_ev, cameras[-1].step_ev)
+        steps = ev_steps(cameras[-1])
         if self._exposure is None:
             automatic = not cameras[-1].manual
             self._exposure = exposure_control(self._settings.exposure, steps, automatic=automatic)

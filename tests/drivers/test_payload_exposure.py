@@ -71,12 +71,14 @@ async def test_a_list_of_evs_in_the_definition_file_is_what_is_asked_for(monkeyp
     assert (control.min_ev, control.max_ev) == (-2.0, 2.0)
     assert control.step_ev == pytest.approx(0.65, abs=0.1)
     assert control.snap(9.0) == 2.0
+    assert control.evs == evs
 
 
 async def test_limits_of_the_file_stand_in_where_the_camera_names_none(monkeypatch):
     told_values = ParameterValues(least=-2.0, most=2.0, step=0.5)
     control = await told(monkeypatch, Camera({"CAM_EV": 0.0}), 0.7, {"CAM_EV": told_values})
     assert (control.min_ev, control.max_ev, control.step_ev) == (-2.0, 2.0, 0.5)
+    assert control.evs == ()
     assert control.ev == 0.5
 
 
