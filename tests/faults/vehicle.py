@@ -307,8 +307,8 @@ _LIMITS_24 = (
     "looked at, only what the autopilot does at it"
 )
 _LIMITS_22 = (
-    "after a takeover the mission has ended: what is missing is flown from the ground by "
-    "`bladescout resume`; in the air nothing of ours takes the vehicle back"
+    "a takeover ends the flight: taken back in the air by `bladescout resume --airborne`, the "
+    "next flight leaves the rotor and measures it anew before it flies what is missing"
 )
 
 ROWS = (
@@ -326,6 +326,9 @@ ROWS = (
           _DEADMAN + "test_a_tick_that_took_too_long_is_dropped"),
     Fault(22, "the pilot takes over, in each phase", pilot_in_each_phase, "pilot_took_over", 1.1,
           "released", lacking=_LIMITS_22),
+    Fault(22, "what the pilot took is taken back by a request alone",
+          "tests/mission/flight/test_takeover.py"
+          "::test_what_the_pilot_took_is_taken_back_only_by_a_request"),
     Fault(23, "offboard is refused", offboard_refused, "offboard_refused", None, "refused"),
     Fault(24, "each thing that preflight looks at is wrong in turn",
           preflight_lists_what_is_wrong, "preflight", None, "refused", lacking=_LIMITS_24),

@@ -77,6 +77,27 @@ def test_lost_beside_the_rotor_it_is_flown_out_and_completes(photos):
     assert not second.armed
 
 
+def test_what_the_pilot_took_is_taken_back_only_by_a_request():
+    first = flown_to(2)
+    flown = first.run(limit_s=0.05)
+    first.pilot_takes()
+    while first.machine.state is MissionState.RUNNING:
+        first.one_tick(flown)
+    assert first.machine.state is MissionState.RELEASED
+    place = first.position.copy()
+    for _ in range(200):
+        assert first.one_tick(flown).command.setpoint is None
+    assert first.position == pytest.approx(place, abs=1.5)
+    second = hovering(first)
+    second.mode = FlightMode.PILOT
+    after = second.run(until=Phase.TRACK)
+    assert second.machine.phase is Phase.TRACK, second.machine.report().words
+    assert min(flown.min_clearance_m, after.min_clearance_m) >= 8.0
+    earlier = left_behind(first)
+    kept = {p.photo_id for book in second.machine.ledger.sides.values() for p in book.photos}
+    assert kept >= {photo.photo_id for photo in earlier.photos}
+
+
 def test_an_autopilot_that_began_to_count_anew_is_not_told_where_the_rotor_was():
     second = hovering(flown_to(2), shift_m=40.0)
     flown = second.run(limit_s=20.0)
