@@ -37,6 +37,7 @@ from mission.flight.events import EventRecord
 from mission.flight.guard import Guard, GuardedCommand
 from mission.flight.machine import Machine
 from mission.flight.observation import (
+    ExposureState,
     FlightMode,
     Observation,
     PreflightItem,
@@ -81,7 +82,7 @@ class Flight:
         self._clock = runtime.clock
         self._bus = bus
         self._tap_file = runtime.run_dir / TAP_FILE
-        self._inputs = FlightInputs(bus)
+        self._inputs = FlightInputs(bus, self._follow_light)
         self._pace = Pace()
         self._outputs = FlightOutputs(bus, runtime, self._pace)
         self._announcements: Announcements | None = None
@@ -291,6 +292,12 @@ class Flight:
             height_m = command.takeoff_height_m or 0.0
             self._action = asyncio.create_task(self._act(link, command.action, height_m))
         return sent
+
+    def _follow_light(self, exposure: ExposureState) -> None:
+        """Along a blade, order what metering asks for at once: a tick later is a frame later."""
+        along = self._machine is not None and self._progress.phase is Phase.TRACK
+        if along and self._payload is not None:
+            self._payload.want_ev(exposure.ev_wanted)
 
     def _may_send(self, observation: Observation) -> bool:
         vehicle = observation.vehicle

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from typing import TypeVar
 
 import numpy as np
@@ -42,7 +43,9 @@ _CAMERA_FIELDS = tuple(field.name for field in dataclasses.fields(CameraState))
 class FlightInputs:
     """What perception, sensing and recorder last said."""
 
-    def __init__(self, bus: Bus) -> None:
+    def __init__(self, bus: Bus, on_exposure: Callable[[ExposureState], None]) -> None:
+        """``on_exposure`` is called with every metering as it comes."""
+        self._on_exposure = on_exposure
         self.clearance: ClearanceState | None = None
         self.hub_prior: HubPrior | None = None
         self.rotor: RotorEstimate | None = None
@@ -103,6 +106,7 @@ class FlightInputs:
             self.exposure = exposure
             self.frames += 1
             self.frames_out_of_range += not exposure.in_range
+            self._on_exposure(exposure)
 
     def _take_sensing(self, sample: Sample) -> None:
         self.sensing = SensingHealth.model_validate_json(sample.payload)
