@@ -8,28 +8,18 @@ import shutil
 import tempfile
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import psutil
 
 from benchmarks.recording_feed import FedRecorder
 from benchmarks.report_mission import write_mission
+from benchmarks.row import Row
 from mission.records.files import LINK
 from mission.records.report import write_report
 from mission.replay.recorded import RecordedMission
 
 _SETTLE_S = 4.0
-
-
-@dataclass(frozen=True, slots=True)
-class Row:
-    """One figure beside its goal (the most that is allowed); None: no goal."""
-
-    name: str
-    value: float
-    unit: str
-    goal: float | None = None
 
 
 def measure(seconds: float, photos: int) -> Iterator[Row]:

@@ -13,7 +13,6 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from multiprocessing.synchronize import Event
 from pathlib import Path
 
@@ -21,6 +20,7 @@ import numpy as np
 import psutil
 import zenoh
 
+from benchmarks.row import Row
 from config.links import Bus as BusSettings
 from config.settings import Settings
 from config.turbine import Site
@@ -41,16 +41,6 @@ PUBLISHERS, STATES_PER_S = 200, 5
 FLOOD_PER_S = 10_000
 #: As many as one who waits for each reply can ask, and far fewer than a flood has.
 _RATE = 500.0
-
-
-@dataclass(frozen=True, slots=True)
-class Row:
-    """One figure; `goal` None: none was set."""
-
-    name: str
-    value: float
-    unit: str
-    goal: float | None = None
 
 
 def measure(count: int) -> Iterator[Row]:

@@ -1,0 +1,50 @@
+"""How a benchmark's rows are printed: as one JSON object, or as a table beside the goals."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.table import Table
+
+if TYPE_CHECKING:
+    from benchmarks.latency import Machine
+    from benchmarks.row import Row
+
+
+def show_rows(
+    name: str,
+    title: str,
+    asked: Mapping[str, float],
+    rows: Sequence[Row],
+    here: Machine,
+    *,
+    as_json: bool,
+) -> None:
+    """Print what ``bench name`` found; ``asked``: what it was told to measure, for the JSON."""
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    if as_json:
+        answer = {
+            "schema": f"bladescout/bench-{name}/1",
+            "date": now,
+            **asked,
+            "machine": asdict(here),
+            "rows": [asdict(row) for row in rows],
+        }
+        sys.stdout.write(json.dumps(answer) + "\n")
+        return
+    grid = Table(title=f"{title}, {now}", title_justify="left")
+    grid.add_column("")
+    for heading in ("", "goal"):
+        grid.add_column(heading, justify="right", no_wrap=True)
+    for row in rows:
+        goal = "" if row.goal is None else f"{row.goal:g} {row.unit}"
+        grid.add_row(row.name, f"{row.value:.1f} {row.unit}", goal)
+    out = Console(highlight=False, width=None if sys.stdout.isatty() else 100)
+    out.print(grid)
+    out.print(f"{here.cpu}; load {here.load_1_min:.1f} (1 min) before", soft_wrap=True)
