@@ -66,7 +66,6 @@ class Tracking(ConfigModel):
     overlap: Annotated[float, Field(ge=0, le=0.8)] = 0.3
     max_view_turn_deg: Annotated[float, Field(ge=0, le=60)] = 45.0
     max_gsd_mm: Positive = 1.5
-    min_edge_points_per_s: NotNegative = 30.0
     lost_foot_s: Positive = 2.0
 
 

@@ -123,6 +123,8 @@ def _tell(
         typer.echo("the recording ends without its summary: replayed as far as it goes")
     if flown.code and flown.code != code_digest():
         typer.echo(f"flown by other code (bladescout {flown.version}, {flown.code})")
+    if flown.gone:
+        typer.echo(f"settings of then that there are no more: {', '.join(flown.gone)}")
     if commands is not None:
         _tell_commands(commands, asked=asked)
     if estimates is not None:

@@ -12,6 +12,7 @@ from zoneinfo import ZoneInfo
 
 from pydantic import ValidationError
 
+from config.recorded import recorded_settings
 from config.report import Report
 from config.settings import Settings
 from mission.records.files import CONFIG
@@ -140,7 +141,7 @@ def logo_data(path: str) -> str:
 def changed_settings(folder: Path) -> list[Changed]:
     """Return the settings of the mission's config.toml that differ from the defaults."""
     try:
-        flown = Settings.model_validate(tomllib.loads((folder / CONFIG).read_text()))
+        flown, _ = recorded_settings(tomllib.loads((folder / CONFIG).read_text()))
     except (OSError, ValueError, ValidationError):
         return []
     defaults = dict(_leaves(Settings().model_dump(mode="json")))

@@ -5,6 +5,7 @@ A recording that was cut short (a killed recorder, a full disk) is read up to wh
 
 from __future__ import annotations
 
+import json
 import struct
 import tomllib
 from collections.abc import Collection, Iterator
@@ -20,6 +21,7 @@ from pydantic import ValidationError
 
 from config.errors import ConfigError
 from config.presets import load_turbine
+from config.recorded import recorded_settings
 from config.settings import Settings
 from config.turbine import Turbine
 from drivers.bus import Key
@@ -55,6 +57,8 @@ class Mission:
     """Of the program that flew it; empty: not told."""
     code: str
     """Digest of the code that flew it (`code_digest`); empty: not told."""
+    gone: tuple[str, ...] = ()
+    """Settings of then that this version no longer has."""
 
 
 class RecordedMission:
@@ -103,7 +107,7 @@ class RecordedMission:
     def mission(self) -> Mission:
         """What the mission was flown with. Raises `NotARecording`."""
         intent = self._intent()
-        settings = self._settings()
+        settings, gone = self._settings()
         described = self._described
         try:
             if "turbine" in described:
@@ -113,9 +117,8 @@ class RecordedMission:
                 turbine = load_turbine(site.turbine, site.scale)
         except (ValidationError, ConfigError, StopIteration) as error:
             raise NotARecording(f"{self.path}: the turbine is not known: {error}") from error
-        return Mission(
-            settings, turbine, intent, described.get("version", ""), described.get("code", "")
-        )
+        version, code = described.get("version", ""), described.get("code", "")
+        return Mission(settings, turbine, intent, version, code, gone)
 
     def _intent(self) -> Intent:
         for message in self.messages({Key.INTENT}):
@@ -124,11 +127,11 @@ class RecordedMission:
                 return intent
         raise NotARecording(f"{self.path}: no mission was started in it")
 
-    def _settings(self) -> Settings:
+    def _settings(self) -> tuple[Settings, tuple[str, ...]]:
         try:
             if "settings" in self._described:
-                return Settings.model_validate_json(self._described["settings"])
+                return recorded_settings(json.loads(self._described["settings"]))
             config = self.path.parent / CONFIG
-            return Settings.model_validate(tomllib.loads(config.read_text()))
+            return recorded_settings(tomllib.loads(config.read_text()))
         except (OSError, ValueError) as error:
             raise NotARecording(f"{self.path}: its settings cannot be read: {error}") from error
