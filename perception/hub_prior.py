@@ -37,8 +37,6 @@ class SurveyResult:
     sigma_m: float
     """Of `hub_w`; includes the overhang while the side is unknown."""
     yaw_sigma_deg: float
-    rotor_points: int
-    """Voxels of blade that speak for the side."""
 
 
 class TowerSurvey:
@@ -110,16 +108,14 @@ class TowerSurvey:
         overhang = 4.0 if self._turbine is None else self._turbine.overhang_m
         if found is None:
             sigma = math.hypot(tower.sigma_m, height_sigma, overhang)
-            return SurveyResult(self._stamp_s, tower, centre, None, sigma, 180.0, 0)
+            return SurveyResult(self._stamp_s, tower, centre, None, sigma, 180.0)
         reach = found.offset_m if self._turbine is None else overhang
         lift, lift_sigma = arms_height(found.blade, found.upwind_w, height_sigma)
         height_sigma = min(height_sigma, lift_sigma)
         hub = centre + reach * found.upwind_w + np.array([0.0, 0.0, lift])
         sigma = math.hypot(tower.sigma_m, height_sigma, reach * found.sigma_rad, 0.4)
-        return SurveyResult(
-            self._stamp_s, tower, hub, -found.upwind_w, sigma,
-            math.degrees(found.sigma_rad), found.voxels,
-        )  # fmt: skip
+        yaw_sigma_deg = math.degrees(found.sigma_rad)
+        return SurveyResult(self._stamp_s, tower, hub, -found.upwind_w, sigma, yaw_sigma_deg)
 
     def _top_is_credible(self, tower: Tower) -> bool:
         """A blade seen beyond the view of the tower can pass for something above its top."""

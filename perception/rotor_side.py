@@ -37,7 +37,6 @@ class RotorSide:
     offset_m: float
     """Of the visible blades' plane from the axis at hub height."""
     sigma_rad: float
-    voxels: int
     blade: Float
     """(N, 3) what lies in the rotor's plane, from the tower's axis at the supposed hub height."""
 
@@ -94,8 +93,7 @@ def _refined(blade: Float, yaw: float, depth: float, tilt: float, cone: float) -
     spread = float(np.sqrt(np.mean(residual[inlier] ** 2)))
     sigma = math.sqrt(10.0) * spread * math.sqrt(float(np.linalg.inv(normal)[0, 0]))
     upwind = np.array([math.cos(yaw), math.sin(yaw), 0.0])
-    count = int(inlier.sum())
-    return RotorSide(upwind, depth, sigma + math.radians(2.0), count, blade[inlier])
+    return RotorSide(upwind, depth, sigma + math.radians(2.0), blade[inlier])
 
 
 def arms_height(blade: Float, upwind_w: Float, sigma_m: float) -> tuple[float, float]:

@@ -70,8 +70,6 @@ class Policy:
     reaction: Reaction
     words: str
     """Shown to the operator."""
-    latched: bool = False
-    """The reaction is carried out to the end even when the cause goes away."""
 
 
 _R = Reaction
@@ -82,39 +80,39 @@ POLICY: dict[Event, Policy] = {
     Event.SCAN_LATE: Policy(_R.HOLD, "LiDAR scans are too old: holding until they are fresh"),
     Event.SCAN_TOO_SLOW: Policy(_R.HOLD, "fewer than 4 LiDAR scans a second: holding"),
     Event.SCAN_REPEATED: Policy(_R.HOLD, "the LiDAR repeats the same scan: holding"),
-    Event.SCAN_LOST: Policy(_R.RETURN, "LiDAR lost: leaving the rotor and returning", True),
+    Event.SCAN_LOST: Policy(_R.RETURN, "LiDAR lost: leaving the rotor and returning"),
     Event.SENSING_DEAD: Policy(_R.HOLD, "the sensing process is gone: holding until it is back"),
-    Event.SENSING_LOST: Policy(_R.RETURN, "sensing does not come back: returning", True),
+    Event.SENSING_LOST: Policy(_R.RETURN, "sensing does not come back: returning"),
     Event.LINK_AGEING: Policy(_R.WARN, "the autopilot has not been heard for a second"),
     Event.LINK_SILENT: Policy(_R.HOLD, "the autopilot is silent: holding"),
-    Event.LINK_LOST: Policy(_R.RELEASE, "the autopilot is lost: its own failsafe has it", True),
+    Event.LINK_LOST: Policy(_R.RELEASE, "the autopilot is lost: its own failsafe has it"),
     Event.POSITION_STALE: Policy(_R.HOLD, "the autopilot's position is too old: holding"),
     Event.POSITION_JUMP: Policy(_R.HOLD, "the autopilot's position jumped: holding"),
     Event.HEADING_WRONG: Policy(
         _R.HOLD, "the heading does not turn as the gyro does: holding until it is right again"
     ),
     Event.FRAME_RESET: Policy(
-        _R.RELEASE, "the autopilot moved its local frame: handing over in its own hold", True
+        _R.RELEASE, "the autopilot moved its local frame: handing over in its own hold"
     ),
     Event.OWN_SILENCE: Policy(
         _R.HOLD, "our own control stood still: the autopilot holds, asking for it again"
     ),
-    Event.WIND_STRONG: Policy(_R.RETURN, "wind above the limit: leaving the rotor", True),
-    Event.BATTERY_UNKNOWN: Policy(_R.RETURN, "no battery telemetry: counted as low", True),
-    Event.BATTERY_RESERVE: Policy(_R.RETURN, "battery at the reserve for the way home", True),
+    Event.WIND_STRONG: Policy(_R.RETURN, "wind above the limit: leaving the rotor"),
+    Event.BATTERY_UNKNOWN: Policy(_R.RETURN, "no battery telemetry: counted as low"),
+    Event.BATTERY_RESERVE: Policy(_R.RETURN, "battery at the reserve for the way home"),
     Event.CAMERA_OFFLINE: Policy(_R.HOLD, "the camera is gone: holding until it is back"),
-    Event.CAMERA_LOST: Policy(_R.RETURN, "the camera does not come back: returning", True),
+    Event.CAMERA_LOST: Policy(_R.RETURN, "the camera does not come back: returning"),
     Event.GIMBAL_SILENT: Policy(_R.WARN, "the gimbal does not report where it looks"),
     Event.EXPOSURE_STALE: Policy(_R.WARN, "no usable live picture: exposure stays as it is"),
     Event.GUARD_REFUSED: Policy(_R.WARN, "the guard refused a setpoint"),
-    Event.GUARD_BLOCKED: Policy(_R.RETURN, "something stands in the way: returning", True),
-    Event.ROTOR_TURNING: Policy(_R.RETURN, "the rotor turns: staying away from it", True),
+    Event.GUARD_BLOCKED: Policy(_R.RETURN, "something stands in the way: returning"),
+    Event.ROTOR_TURNING: Policy(_R.RETURN, "the rotor turns: staying away from it"),
     Event.ROTOR_MOVED: Policy(
-        _R.STAND_OFF, "the rotor is not where it was measured: measuring again", True
+        _R.STAND_OFF, "the rotor is not where it was measured: measuring again"
     ),
-    Event.OFFBOARD_REFUSED: Policy(_R.LAND, "the autopilot refuses offboard control", True),
+    Event.OFFBOARD_REFUSED: Policy(_R.LAND, "the autopilot refuses offboard control"),
     Event.PILOT_TOOK_OVER: Policy(
-        _R.RELEASE, "the pilot, or the autopilot's own failsafe, has the vehicle", True
+        _R.RELEASE, "the pilot, or the autopilot's own failsafe, has the vehicle"
     ),
 }
 

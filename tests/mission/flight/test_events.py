@@ -27,9 +27,3 @@ def test_nothing_active_asks_for_nothing():
 @pytest.mark.parametrize("event", list(Event))
 def test_the_pilot_overrules_everything(event):
     assert arbitrate([event, Event.PILOT_TOOK_OVER]) is Reaction.RELEASE
-
-
-@pytest.mark.parametrize("event", list(Event))
-def test_what_leaves_the_rotor_is_carried_out_to_the_end(event):
-    if POLICY[event].reaction >= Reaction.STAND_OFF:
-        assert POLICY[event].latched
