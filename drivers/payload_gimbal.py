@@ -34,6 +34,8 @@ _ATTITUDE_RATE_HZ = 30.0
 _REST_RATE_HZ = 2.0
 _UNCHANGED = -1.0
 _AUTOPILOT = 1
+#: Device ids of gimbals behind a manager that speak no MAVLink; others are components.
+_WITHOUT_MAVLINK = range(1, 7)
 _OURSELVES = (OWN_SYSTEM, OWN_COMPONENT)
 _NOBODY = (0, 0)
 
@@ -70,6 +72,7 @@ class GimbalLink:
         self._clock = clock
         self._vehicle_yaw = vehicle_yaw
         self._manager: int | None = None
+        self._rank = 0
         self._device = settings.component_id
         self._owner: tuple[int, int] | None = None
         self._reading: GimbalReading | None = None
@@ -78,7 +81,7 @@ class GimbalLink:
         self._changed = asyncio.Event()
         wire.listen("GIMBAL_MANAGER_INFORMATION", self._take_information)
         wire.listen("GIMBAL_MANAGER_STATUS", self._take_status)
-        wire.listen("GIMBAL_DEVICE_ATTITUDE_STATUS", self._take_attitude, settings.component_id)
+        wire.listen("GIMBAL_DEVICE_ATTITUDE_STATUS", self._take_attitude)
 
     @property
     def ready(self) -> bool:
@@ -134,10 +137,10 @@ class GimbalLink:
             try:
                 if self._manager is None:
                     await self._look_for_manager()
-                if self._manager is not None and self._owner in (None, _NOBODY):
-                    await self._take_control(self._manager)
                 if self._manager is not None and asked_hz != self._rate_hz:
                     asked_hz = await self._ask_rate(self._rate_hz)
+                if self._manager is not None and self._owner in (None, _NOBODY):
+                    await self._take_control(self._manager)
             except (Refused, LinkFailed) as error:
                 _log.debug("gimbal: %s", error)
             with contextlib.suppress(TimeoutError):
@@ -178,12 +181,13 @@ class GimbalLink:
 
     async def _ask_rate(self, rate_hz: float) -> float | None:
         """Ask how often to be told; return what was asked for, None where nothing answered."""
+        behind = self._device in _WITHOUT_MAVLINK
         try:
             await self._wire.command(
                 f"message {_DEVICE_ATTITUDE} at {rate_hz:g} Hz",
                 _SET_MESSAGE_INTERVAL,
                 (float(_DEVICE_ATTITUDE), 1e6 / rate_hz),
-                self._settings.component_id,
+                (self._manager if behind else None) or self._settings.component_id,
                 tries=1,
             )
         except Unanswered:
@@ -193,11 +197,11 @@ class GimbalLink:
         return rate_hz
 
     def _take_information(self, message: Received) -> None:
-        device = message.integer("gimbal_device_id")
-        # 1 to 6: a gimbal without MAVLink behind the manager; otherwise the device's component.
-        if device in (0, self._settings.component_id) or 1 <= device <= 6:
-            self._device = device
-            self._manager = message.component_id
+        device, own = message.integer("gimbal_device_id"), self._settings.component_id
+        # Ours by name comes before one that an autopilot has besides, whoever answers last.
+        rank = 1 + (device == own) + 2 * (message.component_id == own)
+        if rank > self._rank and (device in (0, own) or device in _WITHOUT_MAVLINK):
+            self._device, self._manager, self._rank = device, message.component_id, rank
 
     def _take_status(self, message: Received) -> None:
         if message.component_id != self._manager:
@@ -207,7 +211,16 @@ class GimbalLink:
             message.integer("primary_control_compid"),
         )
 
+    def _is_ours(self, message: Received) -> bool:
+        """Return whether it is the gimbal's own, or its manager speaks for it."""
+        if message.component_id == self._settings.component_id:
+            return True
+        told = message.component_id == self._manager and self._device in _WITHOUT_MAVLINK
+        return told and message.integer("gimbal_device_id", self._device) == self._device
+
     def _take_attitude(self, message: Received) -> None:
+        if not self._is_ours(message):
+            return
         q = message.numbers("q")
         if len(q) != 4 or not 0.9 < math.hypot(*q) < 1.1:
             return
