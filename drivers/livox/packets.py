@@ -24,6 +24,9 @@ POINTS_PER_PACKET = 96
 #: version, length, interval, points, number, frame, data type, time type, crc, time stamp
 HEADER = struct.Struct("<BHHHHBBB12xIQ")
 _CRC_FROM = 28
+#: From point to point: of a MID-360, and what a packet may state.
+_NOMINAL_NS = 5_000
+_FASTEST_NS, _SLOWEST_NS = 500, 50_000
 _IMU = struct.Struct("<6f")
 
 
@@ -108,7 +111,11 @@ def read_header(buffer: bytes | bytearray | memoryview, size: int) -> Header | N
         return None
     if crc and zlib.crc32(memoryview(buffer)[_CRC_FROM:size]) != crc:
         return None
-    return Header(data_type, points, number, stamp_ns, interval * 100)
+    interval_ns = interval * 100
+    if not _FASTEST_NS * points < interval_ns < _SLOWEST_NS * points:
+        # The field says nothing, or is of another unit.
+        interval_ns = _NOMINAL_NS * (points - 1)
+    return Header(data_type, points, number, stamp_ns, interval_ns)
 
 
 def decode_imu(datagram: bytes) -> ImuSample | None:

@@ -192,3 +192,50 @@ def test_where_the_number_began_anew_too_the_second_packet_is_believed():
     rig = Rig().feed([*packets(800), *packets(1000, first_ns=1000 * STEP_NS, first_number=5)])
     assert rig.dropped[Dropped.FUTURE] == 1
     assert rig.assembler.packets == 1799
+
+
+@pytest.mark.parametrize("interval", [0, 1, 65535])
+def test_packets_that_state_no_usable_interval_are_timed_by_their_stamps(interval):
+    stated = packets(2084)
+    wrong = [p[:3] + interval.to_bytes(2, "little") + p[5:] for p in stated]
+    right, rig = Rig().feed(stated), Rig().feed(wrong)
+    assert len(rig.scans) >= 9
+    assert not rig.dropped
+    scan = rig.scans[3]
+    assert scan.age_s.max() == pytest.approx(right.scans[3].age_s.max(), abs=2e-3)
+    assert scan.stamp_s == pytest.approx(right.scans[3].stamp_s, abs=2e-3)
+
+
+def test_a_sensor_that_sends_its_tenth_of_a_second_in_one_burst_makes_scans():
+    burst, rig = packets(2084), Rig()
+    for number, first in enumerate(range(0, 2080, 208)):
+        rushed = []
+        for place, packet in enumerate(burst[first : first + 208]):
+            stamp_ns = number * 100_000_000 + place * 7_000
+            rushed.append(packet[:28] + stamp_ns.to_bytes(8, "little") + packet[36:])
+        rig.feed(rushed)
+    assert len(rig.scans) >= 8
+
+
+@pytest.mark.parametrize("points", [48, 90])
+def test_packets_of_fewer_points_make_scans_too(points):
+    few = []
+    for number, packet in enumerate(packets(2084)):
+        head, payload = packet[:36], packet[36 : 36 + points * 14]
+        size = (36 + len(payload)).to_bytes(2, "little")
+        interval = ((points - 1) * 50).to_bytes(2, "little")
+        stamp = (number * points * 5000).to_bytes(8, "little")
+        few.append(
+            head[:1] + size + interval + points.to_bytes(2, "little") + head[7:28] + stamp + payload
+        )
+    rig = Rig().feed(few)
+    assert len(rig.scans) == pytest.approx(2084 * points * 5e-6 / 0.1, abs=1.01)
+    assert not rig.dropped
+
+
+def test_a_sensor_that_is_synchronised_in_flight_goes_on_after_half_a_second():
+    before = packets(1042)
+    after = packets(4168, first_ns=1_790_000_000_000_000_000, first_number=1042)
+    rig = Rig().feed(before)
+    rig.feed(after[:2084], delay_s=-1_790_000_000.0 + 0.5)
+    assert len(rig.scans) == pytest.approx(5 + 10 - 5, abs=2)
