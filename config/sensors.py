@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -34,6 +35,12 @@ class Lidar(ConfigModel):
     max_range_m: Positive = 70.0
     blind_range_m: NotNegative = 0.5
     receive_buffer_bytes: Annotated[int, Field(ge=65536)] = 4 * 1024 * 1024
+
+    @property
+    def field_of_view_sr(self) -> float:
+        """Solid angle that the sensor looks into."""
+        low, high = math.radians(self.min_elevation_deg), math.radians(self.max_elevation_deg)
+        return 2 * math.pi * (math.sin(high) - math.sin(low))
 
 
 class Camera(ConfigModel):

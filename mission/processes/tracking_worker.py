@@ -29,6 +29,7 @@ from mission.processes.metering_shown import metering_shown
 from mission.processes.runtime import Runtime, run_process
 from mission.processes.sensor_inbox import SensorInbox
 from mission.remote.messages import Intent
+from perception.air_echoes import AirEchoes
 from perception.clearance import OccupancyMemory, RepeatedScans
 from perception.deskew import points_in_world
 from perception.exposure import ExposureControl, exposure_control
@@ -63,6 +64,7 @@ class TrackingWorker:
         self._inbox = SensorInbox(bus, runtime.clock)
         ignore_m = settings.lidar.blind_range_m + settings.airframe.radius_m
         self._memory = OccupancyMemory(ignore_within_m=ignore_m)
+        self._air = AirEchoes(field_of_view_sr=settings.lidar.field_of_view_sr)
         self._repeats = RepeatedScans()
         self._stamps: deque[float] = deque(maxlen=RATE_WINDOW)
         self._turbines = turbines_of(settings.sites)
@@ -90,6 +92,8 @@ class TrackingWorker:
             return
         repeated = self._repeats.update(scan.points_l)
         points_w, origins_w = points_in_world(scan, list(self._inbox.poses), self._settings.lidar)
+        origin = origins_w[-1] if len(origins_w) else position_w
+        points_w = points_w[self._air.solid(points_w, origin)]
         if not repeated:
             origin = origins_w[-1] if len(origins_w) else position_w
             near = np.linalg.norm(points_w - origin, axis=1) < self._reach_m()
