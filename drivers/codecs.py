@@ -32,6 +32,7 @@ _FIELDS = (
 )
 _XYZ = np.dtype("<f4")
 _SEQUENCE = struct.Struct("<QI")
+_MOST_US = 2**32 - 1
 
 
 class BadMessage(ValueError):
@@ -45,6 +46,16 @@ def _stamped(message: PointCloud | CompressedImage, stamp_s: float) -> None:
 
 def _stamp_of(message: PointCloud | CompressedImage) -> float:
     return float(message.timestamp.seconds) + float(message.timestamp.nanos) * 1e-9
+
+
+def _beside(attachment: bytes | None) -> tuple[int, int]:
+    """Return the two numbers that come beside a scan or a frame; zeros where nothing came."""
+    if attachment is None:
+        return 0, 0
+    if len(attachment) != _SEQUENCE.size:
+        raise BadMessage(f"attachment of {len(attachment)} bytes, expected {_SEQUENCE.size}")
+    first, second = _SEQUENCE.unpack(attachment)
+    return int(first), int(second)
 
 
 def encode_scan(scan: Scan) -> tuple[bytes, bytes]:
@@ -70,10 +81,8 @@ def decode_scan(payload: bytes, attachment: bytes | None) -> Scan:
         raise BadMessage(f"not a foxglove.PointCloud: {error}") from error
     if cloud.point_stride != _POINT.itemsize or len(cloud.data) % _POINT.itemsize:
         raise BadMessage(f"point stride {cloud.point_stride}, expected {_POINT.itemsize}")
-    if attachment is not None and len(attachment) != _SEQUENCE.size:
-        raise BadMessage(f"attachment of {len(attachment)} bytes, expected {_SEQUENCE.size}")
+    sequence, lost = _beside(attachment)
     points = np.frombuffer(cloud.data, _POINT)
-    sequence, lost = _SEQUENCE.unpack(attachment) if attachment is not None else (0, 0)
     return Scan(
         stamp_s=_stamp_of(cloud),
         sequence=sequence,
@@ -112,32 +121,39 @@ def decode_points(
 
 
 def encode_frame(frame: Frame, quality: int = 80) -> tuple[bytes, bytes]:
-    """Return (CompressedImage bytes with a grey JPEG, attachment with the sequence)."""
+    """Return (CompressedImage bytes with a grey JPEG, attachment with sequence and age)."""
     _, jpeg = cv2.imencode(".jpg", frame.grey, [cv2.IMWRITE_JPEG_QUALITY, quality])
     image = CompressedImage(frame_id="camera", data=jpeg.tobytes(), format="jpeg")
     _stamped(image, frame.stamp_s)
-    return image.SerializeToString(), _SEQUENCE.pack(frame.sequence, 0)
+    age_us = min(max(round(frame.age_s * 1e6), 0), _MOST_US)
+    return image.SerializeToString(), _SEQUENCE.pack(frame.sequence, age_us)
+
+
+def _image(payload: bytes) -> CompressedImage:
+    try:
+        return CompressedImage.FromString(payload)
+    except DecodeError as error:
+        raise BadMessage(f"not a foxglove.CompressedImage: {error}") from error
 
 
 def jpeg_of(payload: bytes) -> bytes:
     """Return the JPEG of a frame's message as it came. Raises `BadMessage`."""
-    try:
-        return bytes(CompressedImage.FromString(payload).data)
-    except DecodeError as error:
-        raise BadMessage(f"not a foxglove.CompressedImage: {error}") from error
+    return bytes(_image(payload).data)
+
+
+def frame_times(payload: bytes, attachment: bytes | None) -> tuple[float, float]:
+    """Return when a frame was taken and when decoded (mission time). Raises `BadMessage`."""
+    image = _image(payload)
+    _, age_us = _beside(attachment)
+    return _stamp_of(image), _stamp_of(image) + age_us * 1e-6
 
 
 def decode_frame(payload: bytes, attachment: bytes | None) -> Frame:
     """Return the frame of a message. Raises `BadMessage`."""
-    try:
-        image = CompressedImage.FromString(payload)
-    except DecodeError as error:
-        raise BadMessage(f"not a foxglove.CompressedImage: {error}") from error
+    image = _image(payload)
     data = np.frombuffer(image.data, np.uint8)
     grey = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if len(data) else None
     if grey is None:
         raise BadMessage("the picture cannot be decoded")
-    if attachment is not None and len(attachment) != _SEQUENCE.size:
-        raise BadMessage(f"attachment of {len(attachment)} bytes, expected {_SEQUENCE.size}")
-    sequence = _SEQUENCE.unpack(attachment)[0] if attachment is not None else 0
-    return Frame(_stamp_of(image), sequence, np.asarray(grey, np.uint8))
+    sequence, age_us = _beside(attachment)
+    return Frame(_stamp_of(image), sequence, np.asarray(grey, np.uint8), age_us * 1e-6)

@@ -142,7 +142,9 @@ class VideoStream:
             return
         self._sequence += 1
         grey = at_most(self._width_px, grey_of(decoded.picture))
-        on_frame(Frame(self._stamp_s(decoded), self._sequence, grey))
+        stamp_s = self._stamp_s(decoded)
+        age_s = self._clock.mission_time_of(decoded.arrival_ns) - stamp_s
+        on_frame(Frame(stamp_s, self._sequence, grey, age_s))
 
     def _stamp_s(self, decoded: _Decoded) -> float:
         """Return the mission time of capture: the sender's clock where it has one.

@@ -53,6 +53,8 @@ class Frame:
     sequence: int
     grey: Bytes
     """(H, W)"""
+    age_s: float = 0.0
+    """From then until it was decoded."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,6 +11,7 @@ from drivers.codecs import (
     encode_frame,
     encode_points,
     encode_scan,
+    frame_times,
 )
 from perception.values import Frame, Scan
 
@@ -49,8 +50,9 @@ def test_points_come_back_as_they_went():
 
 def test_a_frame_comes_back_close_to_what_it_was():
     grey = np.tile(np.linspace(0, 255, 320), (240, 1)).astype(np.uint8)
-    back = decode_frame(*encode_frame(Frame(3.5, 9, grey)))
-    assert (back.stamp_s, back.sequence) == (3.5, 9)
+    back = decode_frame(*encode_frame(Frame(3.5, 9, grey, 0.057)))
+    assert (back.stamp_s, back.sequence, back.age_s) == (3.5, 9, pytest.approx(0.057))
+    assert frame_times(*encode_frame(Frame(3.5, 9, grey, 0.057))) == (3.5, pytest.approx(3.557))
     assert np.abs(back.grey.astype(int) - grey).max() < 12
 
 
