@@ -97,7 +97,7 @@ def kill_on_the_way(module):
             victim.kill()
             killed.append(phase)
             begun = time.monotonic()
-            one.until(lambda gone=victim.pid: _other(one, module, gone), RESTARTED_S)
+            one.until(lambda gone=victim.pid: one.another(module, gone), RESTARTED_S)
             back_s = max(back_s, time.monotonic() - begun)
         state = str(one.over(900.0))
         family = family_of(one)
@@ -116,11 +116,6 @@ def _reached(one, phase):
     later = PHASES[PHASES.index(phase) :]
     one.phase(*later, "landed", "released", within_s=600.0)
     return one.watcher.state.progress.phase == phase
-
-
-def _other(one, module, gone):
-    process = one.process(module)
-    return process is not None and process.pid != gone
 
 
 _ON_THE_WAY = "completed ended_safely"

@@ -118,9 +118,18 @@ def blocked_while_closing():
     return dataclasses.replace(seen, figure=f"closing at {speed:.1f} m/s; {seen.figure}")
 
 
-def kill_tracking():
+@cache
+def one_blinded_flight():
+    """One mission without eyes, time and again, that the pilot takes at last; what came of each."""
     with flown() as rig:
-        return _kill_tracking(rig)
+        found = {
+            "tracking": _blinded(rig, "mission.processes.tracking_worker", None),
+            "sensing": _blinded(rig, "mission.processes.sensing", None),
+            "hang": _blinded(rig, "mission.processes.sensing", 5.0),
+        }
+        moving(rig)
+        found["pilot"] = _pilot_takes(rig)
+        return found
 
 
 def _held_s(rig, after_s):
@@ -129,21 +138,50 @@ def _held_s(rig, after_s):
     return min((s for s in found if s >= after_s), default=math.inf)
 
 
-def _kill_tracking(rig):
-    worker = rig.process("mission.processes.tracking_worker")
-    begun_s = rig.now_s()
-    worker.kill()
+def _blinded(rig, module, hangs_s):
+    """Kill a process that the scans come through, or let it hang, while the vehicle moves."""
+    rig.phase(*FLYING, within_s=120.0)
+    moving(rig)
+    victim, begun_s, begun = rig.process(module), rig.now_s(), time.monotonic()
+    noticed = len(rig.events)
+    if hangs_s is None:
+        victim.kill()
+        rig.until(lambda: rig.another(module, victim.pid), 15.0)
+        words = f"back after {time.monotonic() - begun:.1f} s, "
+    else:
+        victim.suspend()
+        time.sleep(hangs_s)
+        victim.resume()
+        words = ""
     rig.until(lambda: _held_s(rig, begun_s) < math.inf, 20.0)
     reacted_s = _held_s(rig, begun_s) - begun_s
-    rig.until(lambda: rig.process("mission.processes.tracking_worker") is not None, 10.0)
-    rig.phase(*FLYING, within_s=90.0)
-    lines = lines_since(rig, begun_s)
-    back_s = rig.now_s() - begun_s
-    words = (
-        f"held, flown on {back_s:.1f} s after, setpoint gap at most "
-        f"{1e3 * longest_gap_s(lines):.0f} ms meanwhile"
+    rig.phase(*FLYING, within_s=120.0)
+    gap_s, back_s = longest_gap_s(lines_since(rig, begun_s)), rig.now_s() - begun_s
+    words += (
+        f"held, flown on {back_s:.1f} s after, setpoint gap at most {1e3 * gap_s:.0f} ms meanwhile"
     )
-    return Seen(1, rig.names(), reacted_s, "flying", figure=words)
+    assert gap_s <= 0.25, words
+    names = frozenset(event.name for event in rig.events[noticed:])
+    return Seen(1, names, reacted_s, "flying", figure=words)
+
+
+def _pilot_takes(rig):
+    """Let the pilot send the vehicle home while our setpoints fly it."""
+    begun_s = rig.now_s()
+    rig.world.pilot_returns()
+    rig.phase("released", within_s=20.0)
+    time.sleep(5.0)
+    lines = lines_since(rig, begun_s)
+    left_s = next(line["mission_s"] for line in lines if line["mode"] != "OFFBOARD")
+    after = [line for line in lines if line["mission_s"] > left_s]
+    assert all(line["mode"] != "OFFBOARD" for line in after), "a mode change was fought"
+    last_s = max(line["setpoint_s"] for line in lines)
+    released_s = event_s(rig, "pilot_took_over", begun_s)
+    words = (
+        f"told of it {released_s - left_s:.2f} s after the switch, the last setpoint "
+        f"{max(0.0, last_s - left_s):.2f} s after; not fought for 5 s"
+    )
+    return Seen(1, rig.names(), max(0.0, last_s - left_s), "released", figure=words)
 
 
 def _stop_flight(rig, seconds, at_most_m=math.inf):
@@ -290,6 +328,10 @@ def a_link_that_loses_a_quarter():
         )  # fmt: skip
 
 
+_LIMITS_15 = (
+    "a process that hangs is not killed but by systemd (the watchdog, 10 s, when the ticks "
+    "cease): where the sensing process hangs for longer than 10 s, the flight ends without it"
+)
 _LIMITS_18 = (
     "shown on the mock autopilot alone, which stops as PX4 was measured to (2.0 m from 1.5 m/s); "
     "no other autopilot's simulator was at hand"
@@ -298,7 +340,14 @@ _ENDINGS = "tests/system/test_endings.py::"
 
 ROWS: tuple[Fault, ...] = (
     Fault(15, "kill -9 of the tracking worker while it flies",
-          kill_tracking, "scan_late", 0.6 + SAMPLED_S, "flying", slow=True),
+          lambda: one_blinded_flight()["tracking"], "scan_late", 0.6 + SAMPLED_S, "flying",
+          slow=True),
+    Fault(15, "kill -9 of the sensing process while it flies",
+          lambda: one_blinded_flight()["sensing"], "scan_late sensing_dead", 0.6 + SAMPLED_S,
+          "flying", slow=True),
+    Fault(15, "the sensing process hangs for 5 s while it flies",
+          lambda: one_blinded_flight()["hang"], "scan_late", 0.6 + SAMPLED_S, "flying",
+          slow=True, lacking=_LIMITS_15),
     Fault(17, "the link loses a quarter", a_link_that_loses_a_quarter, "", None, "completed",
           slow=True),
     Fault(18, "the flight process is stopped for 5 s while it flies",
@@ -315,6 +364,9 @@ ROWS: tuple[Fault, ...] = (
     Fault(19, "what is missing is flown, and nothing twice",
           "tests/mission/flight/test_resumption.py"
           "::test_killed_at_a_random_moment_it_is_completed_and_nothing_is_flown_twice"),
+    Fault(22, "the pilot sends the vehicle home while it flies by our setpoints",
+          lambda: one_blinded_flight()["pilot"], "pilot_took_over", 1.1 + SAMPLED_S, "released",
+          slow=True),
     Fault(20, "SIGTERM or SIGINT to the daemon",
           _ENDINGS + "test_a_daemon_that_is_told_to_end_is_gone_soon_with_all_its_processes"),
     Fault(20, "SIGTERM to the daemon while it flies", terminated_while_flying, "", 0.3,

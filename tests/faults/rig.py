@@ -118,6 +118,11 @@ class Rig:
                     return process
         return None
 
+    def another(self, module, gone):
+        """Return whether a module runs again, in another process than the one that is gone."""
+        process = self.process(module)
+        return process is not None and process.pid != gone
+
     def trace(self):
         """Return what the autopilot did so far, oldest first."""
         lines = self.trace_file.read_text().splitlines()
