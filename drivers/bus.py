@@ -60,6 +60,7 @@ class Key(StrEnum):
     RECORD = "mission/record"
     EARLIER = "mission/earlier"
     JOURNAL = "mission/journal"
+    PLAN = "mission/plan"
     PHOTO = "mission/photo"
     PHOTO_RESULT = "mission/photo_result"
     REPORT = "mission/report"

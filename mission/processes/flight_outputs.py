@@ -15,6 +15,7 @@ from mission.flight.events import EventRecord
 from mission.flight.guard import GuardedCommand
 from mission.flight.machine import Machine
 from mission.flight.observation import GimbalState, Observation, Vec3, Vehicle
+from mission.flight.plan import Plan
 from mission.processes.flight_inputs import FlightInputs
 from mission.processes.flight_pace import Pace
 from mission.processes.runtime import Runtime
@@ -27,6 +28,7 @@ from mission.remote.messages import (
     TickRecord,
     VehicleMessage,
 )
+from mission.remote.plan_message import told
 
 _TASK = TypeAdapter(SensingTask)
 TASK_PERIOD_S = 1.0
@@ -44,6 +46,7 @@ class FlightOutputs:
         self._task_sent_s = float("-inf")
         self._utc_of_zero = _utc_of_mission_zero(runtime)
         self._factors: list[float] = []
+        self._plan: Plan | None = None
         self._history: list[tuple[Vehicle, GimbalState | None]] = []
 
     def begin(self) -> None:
@@ -170,7 +173,15 @@ class FlightOutputs:
         started_utc: str,
         vehicle: Vehicle | None,
     ) -> None:
-        """Publish how the flight stands: what the journal keeps should this process be lost."""
+        """Publish how the flight stands: what the journal keeps should this process be lost.
+
+        A plan that was made since is told with it.
+        """
+        if machine.plan is not self._plan:
+            self._plan = machine.plan
+            if machine.plan is not None:
+                plan = told(machine.plan)
+                self._bus.publish(Key.PLAN, plan.model_dump_json().encode())
         message = FlightReport.model_construct(
             report=machine.report(brief=True),
             site=intent.site,

@@ -50,6 +50,7 @@ from mission.remote.messages import (
     TickRecord,
     VehicleMessage,
 )
+from mission.remote.plan_message import PlanMessage
 
 CHUNK_BYTES = 256 * 1024
 #: A chunk is closed and handed to the kernel at least so often: what a kill may cost.
@@ -71,6 +72,7 @@ JSON_CHANNELS: Mapping[str, type] = {
     Key.READY: ReadyMessage,
     Key.TAKEN: TakenMessage,
     Key.INTENT: Intent,
+    Key.PLAN: PlanMessage,
     Key.PHOTO: PhotoTakenMessage,
     Key.PHOTO_RESULT: PhotoResultMessage,
     Key.REPORT: FlightReport,

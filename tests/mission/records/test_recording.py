@@ -17,11 +17,21 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 from pydantic import TypeAdapter
 
+from benchmarks.virtual_flight import Truth, true_model
 from config.presets import load_turbine
 from config.settings import Settings
 from drivers.bus import Key
 from drivers.codecs import encode_frame, encode_points, encode_scan
-from mission.flight.observation import BladeTrack, FlightMode, GimbalState, Vehicle
+from mission.flight.command import PhotoCommand
+from mission.flight.observation import (
+    BladeEstimate,
+    BladeTrack,
+    FlightMode,
+    GimbalState,
+    RotorEstimate,
+    Vehicle,
+)
+from mission.flight.plan import plan
 from mission.records.recording import (
     JSON_CHANNELS,
     METADATA,
@@ -30,7 +40,13 @@ from mission.records.recording import (
     _json_schema,
 )
 from mission.records.scene import VIEW_CHANNELS
-from mission.remote.messages import EventMessage, PhotoResultMessage, VehicleMessage
+from mission.remote.messages import (
+    EventMessage,
+    PhotoResultMessage,
+    PhotoTakenMessage,
+    VehicleMessage,
+)
+from mission.remote.plan_message import LegMessage, PlanMessage, told
 from mission.replay.recorded import RecordedMission
 from perception.deskew import points_in_world
 from perception.geometry import rotation_from_quaternion
@@ -183,6 +199,49 @@ def test_a_photo_on_the_scene_takes_the_colour_of_its_verdict(tmp_path):
         "/mission/photo_result",
         "/perception/blade",
     ]
+
+
+def test_the_scene_shows_the_plan_and_what_of_the_blade_is_covered(tmp_path):
+    recording = Recording(tmp_path / "r.mcap", Settings())
+    legs = (
+        LegMessage(blade="A", side="PS", line_w=((0, 0, 5), (0, 0, 9)), photos_m=(1.0, 5.0)),
+        LegMessage(blade="A", side="SS", line_w=((3, 0, 9), (3, 0, 5)), photos_m=(5.0, 1.0)),
+    )
+    recording.add(Key.PLAN, PlanMessage(legs=legs).model_dump_json().encode(), SECOND)
+    rotor = RotorEstimate(1.0, 1, blades=(BladeEstimate("A", (0.0, 0.0, 1.0), 0.0, 20.0),))
+    recording.add(Key.ROTOR, TypeAdapter(RotorEstimate).dump_json(rotor), SECOND)
+    taken = PhotoTakenMessage(
+        command=PhotoCommand(1, "A", "PS", 3.0, 10.0), url="", index=1, stamp_s=1.0, utc="",
+        position_w=(10.0, 0.0, 8.0), quaternion_wb=QUATERNION, gimbal_yaw_rad=0.0,
+        gimbal_pitch_rad=0.0, foot_w=(0.0, 0.0, 8.0), distance_m=10.0,
+    )  # fmt: skip
+    recording.add(Key.PHOTO, taken.model_dump_json().encode(), SECOND)
+    result = PhotoResultMessage(photo_id=1, kept=True)
+    recording.add(Key.PHOTO_RESULT, result.model_dump_json().encode(), SECOND)
+    recording.close()
+    entities = [
+        e for update in decoded(tmp_path / "r.mcap", "/view/scene") for e in update.entities
+    ]
+    (lines,) = (one.lines for one in entities if one.id == "plan")
+    assert [len(line.points) for line in lines] == [2, 2]
+    _, kept = (one for one in entities if one.id == "photo 1")
+    (stretch,) = kept.lines
+    # 5.7 mm of sensor behind 20 mm of lens see 2.85 m at 10 m, drawn 2 m off the blade.
+    ends = [(p.x, p.y, p.z) for p in stretch.points]
+    assert np.array(ends) == pytest.approx(np.array([(2, 0, 6.575), (2, 0, 9.425)]))
+    assert stretch.color.g > stretch.color.r
+
+
+def test_a_plan_is_told_as_it_is_flown():
+    turbine = load_turbine("v27")
+    model = true_model(Truth(), turbine)
+    made = plan(model, turbine, Settings(), [("A", "PS")], model.hub_w - 20 * model.normal_w, 0.0)
+    message = told(made)
+    assert [(one.blade, one.side) for one in message.legs] == [("A", "PS")] * len(made.legs)
+    for one, leg in zip(message.legs, made.legs, strict=True):
+        assert one.line_w[0] == pytest.approx(leg.position(leg.photos[0]))
+        assert one.line_w[-1] == pytest.approx(leg.position(leg.photos[-1]))
+        assert one.photos_m == leg.photos
 
 
 def test_every_channel_and_schema_is_listed_in_the_architecture():
