@@ -18,6 +18,8 @@ from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import common as mavlink
 
+from drivers.socket_gate import Gate
+
 if TYPE_CHECKING:
     from mavsdk import Mavsdk
 
@@ -59,6 +61,8 @@ class TapListener(asyncio.DatagramProtocol):
     def __init__(self, file: Path, system_id: int, take: Callable[[bytes], None]) -> None:
         self._file = file
         self._take = take
+        self._wanted = False
+        self._changed = asyncio.Event()
         packer = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=_LOG_COMPONENT)
         beat = mavlink.MAVLink_heartbeat_message(
             _LOG_TYPE, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
@@ -72,19 +76,36 @@ class TapListener(asyncio.DatagramProtocol):
     def error_received(self, exc: Exception) -> None:
         """Nobody is there (any more): the next heartbeat tries again."""
 
+    def want(self, wanted: bool) -> None:
+        """Set whether the link is to be heard; at first it is not. On the event loop.
+
+        Once heard, the other end goes on sending: what nobody wants costs nobody's time here.
+        """
+        if wanted != self._wanted:
+            self._wanted = wanted
+            self._changed.set()
+
     async def run(self) -> None:
         """Listen until cancelled, to whichever port the file names; flight may come and go."""
         loop = asyncio.get_running_loop()
-        transport, _ = await loop.create_datagram_endpoint(
-            lambda: self, local_addr=("127.0.0.1", 0)
-        )
-        try:
-            while True:
-                with contextlib.suppress(OSError, ValueError):
-                    transport.sendto(self._beat, ("127.0.0.1", int(self._file.read_text())))
-                await asyncio.sleep(_HEARTBEAT_S)
-        finally:
-            transport.close()
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+            sock.bind(("127.0.0.1", 0))
+            gate = Gate(sock)
+            transport, _ = await loop.create_datagram_endpoint(lambda: self, sock=sock)
+            try:
+                while True:
+                    self._changed.clear()
+                    if self._wanted:
+                        gate.open()
+                        with contextlib.suppress(OSError, ValueError):
+                            transport.sendto(self._beat, ("127.0.0.1", int(self._file.read_text())))
+                    else:
+                        gate.close()
+                    with contextlib.suppress(TimeoutError):
+                        async with asyncio.timeout(_HEARTBEAT_S):
+                            await self._changed.wait()
+            finally:
+                transport.close()
 
 
 def frames(data: bytes) -> list[bytes]:

@@ -27,6 +27,10 @@ _LAST_BACK_OFF_S = 4.0
 #: Pictures that waited while the stream was examined come at once; they are not live.
 _PROBED_NS = 20_000_000
 _LONGEST_INTERVAL_S = 1.0
+#: At rest what comes is left to gather for so long: to wake for each piece costs most of it.
+_REST_NAP_S = 0.25
+#: A packet that took longer was waited for: nothing more lies ready.
+_WAITED_NS = 2_000_000
 #: A stream that marks no key pictures is decoded from anywhere after so long.
 _KEY_PATIENCE_S = 5.0
 _OFFSET_WINDOW_S = 20.0
@@ -220,9 +224,7 @@ class VideoStream:
         self, container: av.container.InputContainer, stream: av.VideoStream
     ) -> Iterator[av.VideoFrame]:
         keys_only_ns: int | None = None
-        for packet in container.demux(stream):
-            if self._stop.is_set():
-                return
+        for packet in self._packets(container, stream):
             self.heard_ns = time.monotonic_ns()
             if self.resting:
                 keys_only_ns = self.heard_ns
@@ -239,6 +241,21 @@ class VideoStream:
             except av.error.InvalidDataError:
                 # One damaged packet; the next key frame mends the picture.
                 continue
+
+    def _packets(
+        self, container: av.container.InputContainer, stream: av.VideoStream
+    ) -> Iterator[av.Packet[av.VideoStream]]:
+        """Yield what comes until it ends or we stop; at rest by many at a time."""
+        packets = container.demux(stream)
+        while True:
+            asked_ns = time.monotonic_ns()
+            packet = next(packets, None)
+            if packet is None or self._stop.is_set():
+                return
+            waited = time.monotonic_ns() - asked_ns > _WAITED_NS
+            yield packet
+            if self.resting and waited:
+                self._stop.wait(_REST_NAP_S)
 
 
 def grey_of(picture: av.VideoFrame) -> Bytes:

@@ -20,12 +20,12 @@ from drivers.clock import Clock
 from drivers.livox.assembly import ScanAssembler
 from drivers.livox.discovery import discover
 from drivers.livox.frames import MAX_FRAME_BYTES, decode_frame
-from drivers.livox.gate import Gate
 from drivers.livox.packets import ImuSample, decode_imu
 from drivers.livox.sensor_clock import SensorClock
 from drivers.livox.session import Session
 from drivers.livox.sockets import ask_receive_buffer, bound
 from drivers.livox.statistics import Dropped, Link, Statistics
+from drivers.socket_gate import Gate
 from perception.values import Scan
 
 _NAP_S = 0.004

@@ -14,7 +14,7 @@ from mission.cli.remote_commands import DEFAULT_ROUTER, Keys, Router, Vehicle, c
 if TYPE_CHECKING:
     from mission.remote.messages import StateMessage
 
-#: A daemon tells its state five times a second; after this long it is taken for gone.
+#: A daemon tells its state at least twice a second; after this long it is taken for gone.
 SILENCE_S = 10.0
 #: Who comes late is shown what happened last.
 EARLIER_EVENTS = 20

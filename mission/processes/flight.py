@@ -63,9 +63,9 @@ from mission.remote.messages import EarlierMessage, Intent
 log = logging.getLogger(__name__)
 
 TICK_S = 0.05
-#: Between missions, disarmed: the state is still told 5 times a second.
-REST_TICK_S = 0.2
-#: Ticks missed by more than this are left out, not made up for.
+#: Between missions, disarmed: the state is still told twice a second.
+REST_TICK_S = 0.5
+#: Ticks missed by more than this are left out, not made up for; so is a rest that ends early.
 MAX_LATE_S = 0.1
 RECONNECT_S = 2.0
 #: How much of a flight's figures a lost process may cost.
@@ -88,6 +88,8 @@ class Flight:
         self._announcements: Announcements | None = None
         self._guard = Guard(runtime.settings)
         self._requests: list[Request] = []
+        self._asked = asyncio.Event()
+        """Something was asked for since the last look."""
         self._intent: Intent | None = None
         self._machine: Machine | None = None
         self._site: Site | None = None
@@ -167,16 +169,31 @@ class Flight:
         try:
             next_s = self._clock.now_s()
             while True:
-                next_s += REST_TICK_S if self._resting(link) else TICK_S
-                await sleep_until(self._clock, next_s)
+                if self._resting(link):
+                    next_s += REST_TICK_S
+                    await self._rest_until(next_s)
+                else:
+                    next_s += TICK_S
+                    await sleep_until(self._clock, next_s)
                 now_s = self._clock.now_s()
                 late_s = now_s - next_s
-                if late_s > MAX_LATE_S:
+                if abs(late_s) > MAX_LATE_S:
                     next_s = now_s
                 self._one_tick(link, payload, now_s, late_s)
         finally:
             # Our last word: whatever ends this process, the vehicle is asked to hold.
             await self._hold_if_flying(link)
+
+    async def _rest_until(self, mission_s: float) -> None:
+        """Wait until a mission time, or until something is asked for."""
+        self._asked.clear()
+        waiting = asyncio.create_task(sleep_until(self._clock, mission_s))
+        asked = asyncio.create_task(self._asked.wait())
+        try:
+            await asyncio.wait((waiting, asked), return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            waiting.cancel()
+            asked.cancel()
 
     def _resting(self, link: AutopilotLink) -> bool:
         """Nothing flies and nothing shall."""
@@ -388,6 +405,7 @@ class Flight:
         intent = Intent.model_validate_json(sample.payload)
         if intent.kind is RequestKind.START:
             self._start(intent)
+        self._asked.set()
         self._requests.append(
             Request(
                 kind=intent.kind,

@@ -7,7 +7,7 @@ import asyncio
 from drivers.systemd import Systemd
 from mission.remote.history import History
 
-#: Flight tells its state five times a second from its tick; after this long it has stalled.
+#: Flight tells its state at least twice a second from its tick; after this long it has stalled.
 TICKS_WITHIN_S = 2.0
 PERIOD_S = 1.0
 

@@ -213,6 +213,7 @@ class Recorder:
             settings.model_copy(update={"inspection": asked}),
             records=stored_records(folder),
         )
+        self._tap.want(True)
         text = to_toml(settings)
         self._submit(lambda: write_whole(folder / CONFIG, text.encode()))
         self._submit(self._open.journal.begin)
@@ -298,7 +299,9 @@ class Recorder:
                 await self._find_missing(mission)
         except TimeoutError:
             log.error("%d photos stay lost", len(mission.lost))
-        self._open = None
+        if self._open is mission:  # and not the next one, begun while photos came in
+            self._open = None
+            self._tap.want(False)
         loop = asyncio.get_running_loop()
         ok, text = True, ""
         try:

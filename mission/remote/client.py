@@ -198,7 +198,8 @@ class Client:
     ) -> None:
         """Call back with every state and event from now on (on the bus's thread).
 
-        What was before is told by `history`; the newest state is there within 0.2 s.
+        What was before is told by `history`; the newest state is there within 0.2 s, of
+        a vehicle at rest within 0.5 s.
         """
         self._hear(Key.STATE, StateMessage, on_state)
         if on_event is not None:

@@ -14,7 +14,7 @@ from mission.remote.client import own_name, probe
 from mission.remote.messages import EventMessage, StateMessage
 from mission.remote.understood import understood
 
-#: A daemon tells its state five times a second.
+#: A daemon tells its state five times a second, at rest twice.
 LOST_S = 3.0
 
 

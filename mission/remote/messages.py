@@ -210,7 +210,7 @@ class VehicleMessage(Message):
 
 
 class StateMessage(Message):
-    """Flight to everyone, 5 times a second: what an operator is shown."""
+    """Flight to everyone, 5 times a second, at rest twice: what an operator is shown."""
 
     version: Literal[1] = 1
     vehicle: str

@@ -32,6 +32,7 @@ async def test_the_link_is_heard_in_both_directions_and_the_vehicle_hears_no_lis
     tap = tmp_path / TAP_FILE
     listener = TapListener(tap, vehicle.settings.autopilot.system_id, heard.append)
     # It is there before the link is, and again after the link was lost.
+    listener.want(True)
     listening = asyncio.create_task(listener.run())
     try:
         for _ in range(2):
@@ -82,14 +83,23 @@ async def test_a_setpoint_leaves_as_soon_while_the_link_is_heard(
     heard: list[bytes] = []
     took_s: list[float] = []
     async with AutopilotLink(vehicle.settings.autopilot, vehicle.clock, tap) as link:
-        listening = asyncio.create_task(TapListener(tap, 1, heard.append).run())
+        listener = TapListener(tap, 1, heard.append)
+        listening = asyncio.create_task(listener.run())
         try:
+            await asyncio.sleep(0.2)
+            assert not heard
+            listener.want(True)
             await asyncio.sleep(0.2)
             for _ in range(40):
                 begun_s = time.perf_counter()
                 link.send_setpoint((0.0, 0.0, 1.0), (0.0, 0.0, 0.0), 0.0)
                 took_s.append(time.perf_counter() - begun_s)
                 await asyncio.sleep(0.01)
+            listener.want(False)
+            await asyncio.sleep(0.05)
+            before = len(heard)
+            await asyncio.sleep(0.2)
+            assert len(heard) == before
         finally:
             listening.cancel()
             await asyncio.gather(listening, return_exceptions=True)

@@ -4,8 +4,8 @@ from contextlib import ExitStack
 
 import pytest
 
-from drivers.livox.gate import Gate
 from drivers.livox.sockets import bound
+from drivers.socket_gate import Gate
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the filter is the Linux kernel's")
 

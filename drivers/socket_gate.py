@@ -27,6 +27,8 @@ class Gate:
 
     def close(self) -> bool:
         """Let nothing more through; False where this system cannot do so."""
+        if self.shut:
+            return True
         instruction = ctypes.create_string_buffer(_KEEP_NOTHING)
         program = struct.pack("HP", 1, ctypes.addressof(instruction))
         try:
