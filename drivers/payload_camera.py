@@ -78,7 +78,9 @@ class Shutter:
         self._wake = asyncio.Event()
         self._stamps = MinimumOffset(window_s=30.0, jump_s=60.0)
         self._captured: asyncio.Future[_Captured] | None = None
-        self._last_index = -1
+        self._last_index = self._last_count = -1
+        self._newest_boot_s = 0.0
+        """The camera's own time of the newest photo that it reported."""
         self._sequence = 0
         self._heard_s = float("-inf")
         self.taken = 0
@@ -193,8 +195,12 @@ class Shutter:
 
         def note() -> None:
             self._stamps.map(boot_s, arrival_s)
-            if self._captured is None:
+            if count < self._last_count:
+                # It was switched off meanwhile, or its card was emptied: it counts anew.
+                self._last_index, self._newest_boot_s = count - 1, 0.0
+            elif self._captured is None:
                 self._last_index = max(self._last_index, count - 1)
+            self._last_count = count
 
         self._hand_over(note)
 
@@ -209,9 +215,11 @@ class Shutter:
         self._hand_over(lambda: self._note_captured(captured))
 
     def _note_captured(self, captured: _Captured) -> None:
-        # One that is known already is an answer to somebody else's request.
-        if captured.index <= self._last_index:
+        # One that is known already is an answer to somebody else's request; but some cameras do
+        # not count, and a later photo is a new one whatever its number.
+        if captured.index <= self._last_index and captured.boot_s <= self._newest_boot_s:
             return
+        self._newest_boot_s = max(self._newest_boot_s, captured.boot_s)
         if self._captured is not None and not self._captured.done():
             self._captured.set_result(captured)
         else:
