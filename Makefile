@@ -57,8 +57,8 @@ safety: env ## measure the quick cases anew and render SAFETY.md
 fuzz: env ## fuzz everything that parses outside bytes, guided by coverage (FUZZ_S=60 a target)
 	$(BIN)/python -m tests.faults.fuzzing --seconds $(FUZZ_S)
 
-mutants: env ## mutate the guard; its tests must notice each mutant
-	$(BIN)/python -m tests.faults.mutants
+mutants: env ## mutate the guard; its tests must notice each mutant (MUTANTS_S=seconds bounds it)
+	$(BIN)/python -m tests.faults.mutants $(if $(MUTANTS_S),--seconds $(MUTANTS_S))
 	$(BIN)/python -m tests.faults.safety
 
 soak: env ## missions one after the other, in memory and on the wire; goes on where it was left

@@ -1,19 +1,24 @@
 """Mutates the guard, one small change at a time; its tests have to notice each.
 
 ``python -m tests.faults.mutants`` prints the survivors, measures which branches the tests take,
-and keeps both for SAFETY.md; ``--survivors`` tries only those of the run before. Every mutant runs
-in a fork of a process that has loaded all.
+and keeps both for SAFETY.md; ``--survivors`` tries only those of the run before, ``--seconds N``
+as many, drawn at random, as there is time for. Every mutant runs in a fork of a process that has
+loaded all.
 """
 
 from __future__ import annotations
 
+import argparse
 import ast
 import copy
 import json
+import math
 import os
+import random
 import signal
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
@@ -34,6 +39,8 @@ TESTS = (
 )
 OUT = Path(__file__).parent / "mutants.json"
 PATIENCE_S = 120
+#: Of the order in which mutants are tried.
+SEED = 30
 
 _COMPARE = {
     ast.Lt: (ast.LtE, ast.GtE), ast.LtE: (ast.Lt, ast.Gt), ast.Gt: (ast.GtE, ast.LtE),
@@ -213,41 +220,53 @@ def _run(source: str, notes: Path | None, stop_early: bool) -> int:
     return code
 
 
+def _tried(
+    changes: list[tuple[str, str]], again: set[str] | None, seconds: float
+) -> tuple[int, list[str]]:
+    """Return how many mutants were tried in time, and the changes of those that survive."""
+    deadline, survivors = time.monotonic() + seconds, []
+    for tried, (change, mutated) in enumerate(changes):
+        if time.monotonic() > deadline:
+            return tried, survivors
+        if (again is None or change in again) and _forked(mutated) == 0:
+            survivors.append(change)
+            sys.stdout.write(f"survives: {change}\n")
+            sys.stdout.flush()
+    return len(changes), survivors
+
+
 def main() -> int:
     """Mutate, print, keep."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--survivors", action="store_true")
+    parser.add_argument("--seconds", type=float, default=math.inf)
+    options = parser.parse_args()
     os.chdir(ROOT)
     source = FILE.read_text()
     outcomes, missing = branches(source)
     sys.stdout.write(f"{outcomes - len(missing)} of {outcomes} outcomes of conditions seen\n")
     for line in missing:
         sys.stdout.write(f"  {line}\n")
-    earlier = json.loads(OUT.read_text()) if "--survivors" in sys.argv else None
+    earlier = json.loads(OUT.read_text()) if options.survivors else None
     again = None if earlier is None else {s["change"] for s in earlier["survivors"]}
-    killed, survivors = 0, []
-    for change, mutated in mutants(source):
-        if again is not None and change not in again:
-            killed += 1
-        elif _forked(mutated) == 0:
-            survivors.append(change)
-            sys.stdout.write(f"survives: {change}\n")
-            sys.stdout.flush()
-        else:
-            killed += 1
-    justified = [
-        {"change": change, "why": REASONS[change.partition(": ")[2]]}
-        for change in survivors
-        if change.partition(": ")[2] in REASONS
-    ]
-    unexplained = [c for c in survivors if c.partition(": ")[2] not in REASONS]
+    changes = list(mutants(source))
+    random.Random(SEED).shuffle(changes)
+    tried, survivors = _tried(changes, again, options.seconds)
+    reasons = {change: REASONS.get(change.partition(": ")[2], "") for change in survivors}
+    unexplained = [change for change, why in reasons.items() if not why]
     kept = {
-        "mutants": killed + len(survivors),
-        "killed": killed,
-        "survivors": justified + [{"change": c, "why": "not explained"} for c in unexplained],
+        "mutants": len(changes),
+        "tried": tried,
+        "killed": tried - len(survivors),
+        "survivors": [{"change": c, "why": why or "not explained"} for c, why in reasons.items()],
         "branches": f"{outcomes - len(missing)} of {outcomes} outcomes of conditions",
         "date": datetime.now(UTC).date().isoformat(),
     }
     OUT.write_text(json.dumps(kept, indent=1) + "\n")
-    sys.stdout.write(f"{killed} killed, {len(survivors)} survive, {len(unexplained)} unexplained\n")
+    sys.stdout.write(
+        f"{tried} of {len(changes)} tried: {kept['killed']} killed, {len(survivors)} survive, "
+        f"{len(unexplained)} unexplained\n"
+    )
     return 1 if unexplained or missing else 0
 
 

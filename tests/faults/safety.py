@@ -107,9 +107,10 @@ def _guard() -> str:
         return "\n".join([*lines, "Not mutation-tested yet (`make mutants`).", ""])
     kept = json.loads(MUTANTS.read_text())
     lines.append(
-        f"{kept['killed']} of {kept['mutants']} mutants of `mission/flight/guard.py` are found by "
-        f"its tests; branches covered: {kept['branches']} ({kept['date']}, `make mutants`). Those "
-        "that survive, and why that is no gap:\n"
+        f"{kept['killed']} of {kept['tried']} mutants of `mission/flight/guard.py` are found by "
+        f"its tests (drawn at random from all {kept['mutants']}); branches covered: {kept['branches']} "
+        f"({kept['date']}, `make mutants`). Those that survive, and why that is "
+        "no gap:\n"
     )
     lines += [f"- `{mutant['change']}`: {mutant['why']}" for mutant in kept["survivors"]]
     return "\n".join([*lines, ""])
