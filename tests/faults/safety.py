@@ -108,8 +108,8 @@ def _guard() -> str:
     kept = json.loads(MUTANTS.read_text())
     lines.append(
         f"{kept['killed']} of {kept['tried']} mutants of `mission/flight/guard.py` are found by "
-        f"its tests (drawn at random from all {kept['mutants']}); branches covered: {kept['branches']} "
-        f"({kept['date']}, `make mutants`). Those that survive, and why that is "
+        f"its tests (drawn at random from all {kept['mutants']}); branches covered: "
+        f"{kept['branches']} ({kept['date']}, `make mutants`). Those that survive, and why that is "
         "no gap:\n"
     )
     lines += [f"- `{mutant['change']}`: {mutant['why']}" for mutant in kept["survivors"]]
