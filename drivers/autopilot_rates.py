@@ -1,7 +1,8 @@
 """How often the autopilot tells what: often in flight, seldom while nothing flies.
 
-Every message costs us a third of a millisecond of CPU time or so, wherever it is wanted or not.
-A vehicle that does not offer a stream says so, and is taken as it is.
+Every message costs us a fifth of a millisecond of CPU time, whether anybody wants it or not: at
+rest the busy streams that are none of ours are slowed, too, and then given back to the vehicle's
+own settings. A vehicle that does not offer a stream says so, and is taken as it is.
 """
 
 from __future__ import annotations
@@ -19,6 +20,10 @@ _SET_MESSAGE_INTERVAL = 511
 _HEARTBEAT, _CURRENT_MODE = 0, 436
 _ATTITUDE_QUATERNION, _LOCAL_POSITION, _GLOBAL_POSITION = 31, 32, 33
 _ODOMETRY, _WIND, _HOME = 331, 231, 242
+#: ATTITUDE, SERVO_OUTPUT_RAW, VFR_HUD, ATTITUDE_TARGET, POSITION_TARGET_LOCAL_NED and _GLOBAL_INT,
+#: HIGHRES_IMU, ALTITUDE: what PX4 sends unasked, some of it a hundred times a second.
+_NOT_OURS = (30, 36, 74, 83, 85, 87, 105, 141)
+_ITS_OWN_RATE = 0.0
 _MODE_HZ = 10.0
 #: Disarmed, between missions: whoever arms the vehicle is seen by its heartbeat, at 1 Hz.
 REST_HZ = 2.0
@@ -45,6 +50,7 @@ class MessageRates:
             _WIND: 1.0,
             _HOME: 0.5,
         }
+        self._slowed = False
         self._told: bool | None = None
         """What the vehicle was last asked for: as at rest, or everything."""
         self._changed = asyncio.Event()
@@ -94,7 +100,19 @@ class MessageRates:
             except LinkFailed as error:
                 _log.debug("%s", error)
                 return False
-        return await self._ask_mode(_REST_MODE_HZ if resting else _MODE_HZ) and answered
+        answered &= await self._ask_mode(_REST_MODE_HZ if resting else _MODE_HZ)
+        if answered and self._slowed != resting:
+            await self._ask_others(resting=resting)
+        return answered
+
+    async def _ask_others(self, *, resting: bool) -> None:
+        """Slow what is not ours, or give it back; nothing of a flight hangs on it."""
+        for message in _NOT_OURS:
+            try:
+                await self._stream(message, REST_HZ if resting else _ITS_OWN_RATE)
+            except AutopilotError as error:
+                _log.debug("%s", error)
+        self._slowed = resting
 
     async def _ask_mode(self, rate_hz: float) -> bool:
         """Ask for the mode by its own message or, of a vehicle without it, by the heartbeat."""
@@ -111,9 +129,10 @@ class MessageRates:
         return answered
 
     async def _stream(self, message: int, rate_hz: float) -> None:
+        """Ask for one stream; 0 is the rate that the vehicle itself has for it."""
         await self._wire.command(
             f"message {message} at {rate_hz:g} Hz",
             _SET_MESSAGE_INTERVAL,
-            (float(message), 1e6 / rate_hz),
+            (float(message), 1e6 / rate_hz if rate_hz else 0.0),
             tries=1,
         )

@@ -11,7 +11,7 @@ from drivers.autopilot_rates import REST_HZ, MessageRates
 
 Start = Callable[..., Awaitable[Any]]
 POSITION_HZ = 50.0
-_POSITION, _MODE, _HEARTBEAT = 32, 436, 0
+_POSITION, _ATTITUDE, _MODE, _HEARTBEAT = 32, 30, 436, 0
 
 
 async def until(condition: Callable[[], bool], timeout_s: float = 10.0) -> None:
@@ -42,7 +42,7 @@ class Vehicle:
         message, interval_us = parameters
         if message in self.unknown:
             raise Refused(what)
-        self.hz[int(message)] = 1e6 / interval_us
+        self.hz[int(message)] = 1e6 / interval_us if interval_us else 0.0
         if self.hz[int(message)] == REST_HZ:
             self.at_rest()
 
@@ -81,6 +81,18 @@ async def test_a_change_while_it_asks_is_not_lost() -> None:
         rates.rest(True)
         await until(lambda: rates.awake)
         assert vehicle.hz[_POSITION] == POSITION_HZ
+
+
+async def test_what_is_not_ours_is_slowed_at_rest_and_then_given_back() -> None:
+    vehicle = Vehicle()
+    async with keeping(vehicle) as rates:
+        await until(lambda: rates.awake)
+        assert _ATTITUDE not in vehicle.hz
+        rates.rest(True)
+        await until(lambda: vehicle.hz.get(_ATTITUDE) == REST_HZ)
+        rates.rest(False)
+        await until(lambda: rates.awake)
+        assert vehicle.hz[_ATTITUDE] == 0.0  # its own
 
 
 async def test_a_vehicle_that_was_silent_is_asked_anew() -> None:
