@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from mission.flight.command import Action, MissionState, Phase
 from mission.flight.flight import Flight, Intent
+from mission.flight.observation import FlightMode
 from mission.flight.phases.landed import Landed
 from mission.flight.phases.takeoff import Takeoff
 from mission.flight.phases.takeover import take_over
@@ -11,6 +12,9 @@ from mission.flight.phases.takeover import take_over
 WAIT_S = 120.0
 #: The list must be clean for as long before the motors start.
 SETTLED_S = 0.5
+HOLD_AGAIN_S = 5.0
+#: Modes in which an autopilot on the ground may refuse to arm; a pilot's mode is the pilot's.
+NOT_ARMABLE = {FlightMode.OFFBOARD, FlightMode.LAND, FlightMode.RETURN, FlightMode.TAKEOFF}
 
 
 class Preflight:
@@ -21,6 +25,7 @@ class Preflight:
     def __init__(self) -> None:
         self._since: float | None = None
         self._clean_since: float | None = None
+        self._hold_asked_s: float | None = None
 
     def resume(self, _flight: Flight) -> None:
         """Nothing moved."""
@@ -37,7 +42,7 @@ class Preflight:
                 words = "; ".join(faults)
                 flight.outcome, flight.outcome_words = MissionState.REFUSED, words
                 return Intent(f"refused: {words}", then=Landed(flown=False))
-            return Intent(f"waiting: {faults[0]}")
+            return Intent(f"waiting: {faults[0]}", action=self._armable_mode(flight))
         if self._clean_since is None:
             self._clean_since = now
         if now - self._clean_since < SETTLED_S:
@@ -47,6 +52,21 @@ class Preflight:
             return take_over(flight)
         flight.home_w = vehicle.home_w or vehicle.position_w
         return Intent("arming", action=Action.ARM, then=Takeoff())
+
+    def _armable_mode(self, flight: Flight) -> Action | None:
+        """Return a request for hold where it may be only the mode that forbids arming.
+
+        PX4 is left in offboard by its own landing, or in land or return by a failsafe; it cannot be
+        armed in any of them.
+        """
+        vehicle, now = flight.observation.vehicle, flight.now_s
+        if vehicle is None or vehicle.armed or vehicle.in_air or vehicle.healthy:
+            return None
+        late = self._hold_asked_s is None or now - self._hold_asked_s > HOLD_AGAIN_S
+        if vehicle.mode not in NOT_ARMABLE or not late:
+            return None
+        self._hold_asked_s = now
+        return Action.HOLD
 
 
 def _faults(flight: Flight) -> list[str]:
