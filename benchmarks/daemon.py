@@ -17,11 +17,13 @@ from pathlib import Path
 import psutil
 
 from benchmarks.daemon_flood import FLOOD_PER_S, Gaps, flood, gaps
+from benchmarks.daemon_light import LightLag, light_heard
 from benchmarks.daemon_usage import Shares, Usage, memory_mb
 from benchmarks.replayed_stream import ReplayedStream
 from config.settings import Settings
 from config.simulation import Simulation
 from config.sources import load_settings, scenario_path
+from drivers.autopilot_tap import TAP_FILE
 from drivers.bus import Bus, Key
 from drivers.clock import Clock, SharedClock
 from mission.flight.command import TERMINAL, Phase
@@ -61,6 +63,8 @@ class Measured:
     """CPU seconds of all processes until then."""
     stages: tuple[Stage, ...]
     flood: Flood | None = None
+    light: LightLag | None = None
+    """Along a blade, where it was asked for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +87,7 @@ class Rig:
     settings: Settings
     clock: Clock
     begun_s: float
+    run_dir: Path
 
     def usage(self) -> Usage:
         """Return what was used until now."""
@@ -102,7 +107,7 @@ class Rig:
 
 
 @contextmanager
-def rig(seed: int, speed: float) -> Iterator[Rig]:
+def rig(seed: int, speed: float, *, changing_light: bool = False) -> Iterator[Rig]:
     """Bring up field, stream and daemon."""
     overrides = [f"simulation.seed={seed}", f"simulation.speed={speed}", "simulation.sensors=wire"]
     settings = on_loopback(load_settings([scenario_path("demo")], overrides=overrides))
@@ -114,7 +119,7 @@ def rig(seed: int, speed: float) -> Iterator[Rig]:
         try:
             site = world.wait_ready()
             clock = SharedClock(world_dir / CLOCK_FILE)
-            stream = stack.enter_context(ReplayedStream(seed, clock))
+            stream = stack.enter_context(ReplayedStream(seed, clock, changing_light=changing_light))
             told = settings.model_copy(
                 update={
                     "sites": (site,),
@@ -127,32 +132,36 @@ def rig(seed: int, speed: float) -> Iterator[Rig]:
             daemon = Daemon(told, serve_dir, world_dir / CLOCK_FILE)
             try:
                 with daemon.client(told) as client, Bus.open_client(told.bus, told.vehicle) as bus:
-                    yield Rig(daemon, client, bus, told, clock, begun_s)
+                    yield Rig(daemon, client, bus, told, clock, begun_s, serve_dir)
             finally:
                 daemon.close()
         finally:
             world.close()
 
 
-def measure(seed: int, seconds: float, speed: float, *, fly: bool, track: bool) -> Measured:
+def measure(
+    seed: int, seconds: float, speed: float, *, fly: bool, track: bool, light: bool = False
+) -> Measured:
     """Measure a daemon that is idle and, where asked for, one that flies as far as along a blade.
 
-    ``seconds``: mission time of each stage; ``speed``: mission seconds a second.
+    ``seconds``: mission time of each stage; ``speed``: mission seconds a second; ``light``: it
+    changes, and the exposure commands that follow are timed.
     """
-    with rig(seed, speed) as up:
+    with rig(seed, speed, changing_light=light) as up:
         ready_s = _until_ready(up)
         ready_cpu_s = sum(up.usage().cpu_s.values())
         up.wait(_SETTLE_S)
         stages = [_stage(up, "idle", seconds, 5.0)]
-        flooded = None
+        flooded = lag = None
         if fly:
             newest = _start(up)
-            if _reached(up, newest, Phase.ASCEND):
+            if not light and _reached(up, newest, Phase.ASCEND):
                 stages.append(_stage(up, "ascent", seconds, 120.0, 1200.0))
                 flooded = _flood(up, seconds, speed)
             if track and _reached(up, newest, Phase.TRACK):
                 stages.append(_stage(up, "along a blade", seconds, 120.0, 1200.0))
-    return Measured(ready_s, ready_cpu_s, tuple(stages), flooded)
+                lag = _light(up, seconds) if light else None
+    return Measured(ready_s, ready_cpu_s, tuple(stages), flooded, lag)
 
 
 def _until_ready(up: Rig) -> float:
@@ -217,6 +226,14 @@ def _flood(up: Rig, seconds: float, speed: float) -> Flood:
         flooded = gaps(up.bus, lambda: up.wait(seconds))
         per_s = (asked() - before) / (up.clock.now_s() - begun_s)
     return Flood(per_s, quiet, flooded)
+
+
+def _light(up: Rig, seconds: float) -> LightLag | None:
+    """Time the exposure commands of some time along a blade."""
+    tap = up.run_dir / TAP_FILE
+    with light_heard(up.bus, tap, up.settings.autopilot.system_id, up.clock) as heard:
+        up.wait(seconds)
+    return LightLag.of(heard.lags_ms())
 
 
 def _reached(up: Rig, newest: list[StateMessage], phase: Phase) -> bool:

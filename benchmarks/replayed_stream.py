@@ -7,6 +7,7 @@ same computer.
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
 from types import TracebackType
 from typing import Self
 
@@ -20,17 +21,20 @@ from perception.values import Bytes
 
 WIDTH_PX, HEIGHT_PX, FPS = 1920, 1080, 30.0
 _PICTURES = 60
+#: Of changing light: the gains of four stretches of the film.
+_GAINS = (1.0, 1.5, 0.9, 0.5)
 
 
 class ReplayedPictures:
     """NAL units of a short film, again and again; a wanted key frame begins it anew."""
 
-    def __init__(self, seed: int) -> None:
+    def __init__(self, seed: int, *, changing_light: bool = False) -> None:
+        """``changing_light``: it changes twice a second, whatever the exposure."""
         encoder = H264Encoder(WIDTH_PX, HEIGHT_PX, FPS)
         self.parameter_sets = encoder.parameter_sets
         self._units = [
             encoder.encode(picture, number / FPS, key_frame=number == 0)
-            for number, picture in enumerate(_film(seed))
+            for number, picture in enumerate(_film(seed, _GAINS if changing_light else (1.0,)))
         ]
         self._next = 0
         self.mbit_per_s = (
@@ -50,10 +54,10 @@ class ReplayedPictures:
 class ReplayedStream:
     """An RTSP server of the film; a context manager."""
 
-    def __init__(self, seed: int, clock: Clock) -> None:
+    def __init__(self, seed: int, clock: Clock, *, changing_light: bool = False) -> None:
         """``clock``: its 30 pictures a second are of mission time."""
         self._clock = clock
-        self.pictures = ReplayedPictures(seed)
+        self.pictures = ReplayedPictures(seed, changing_light=changing_light)
         self._server = RtspServer(0, WIDTH_PX, HEIGHT_PX, FPS, encoder=self.pictures)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._push, name="replayed-stream", daemon=True)
@@ -88,8 +92,11 @@ class ReplayedStream:
                 next_s = max(next_s + 1 / FPS, now_s - 1 / FPS)
 
 
-def _film(seed: int) -> list[Bytes]:
-    """Return pictures of a bright band (the blade) that drifts before a cloudy ground."""
+def _film(seed: int, gains: Sequence[float]) -> list[Bytes]:
+    """Return pictures of a bright band (the blade) that drifts before a cloudy ground.
+
+    ``gains``: of the light, one after the other.
+    """
     rng = np.random.default_rng(seed)
     coarse = rng.normal(90.0, 25.0, (HEIGHT_PX // 40, WIDTH_PX // 20)).astype(np.float32)
     ground = cv2.resize(coarse, (2 * WIDTH_PX, HEIGHT_PX), interpolation=cv2.INTER_CUBIC)
@@ -99,6 +106,7 @@ def _film(seed: int) -> list[Bytes]:
         drift = 4 * (number if number < _PICTURES // 2 else _PICTURES - number)
         picture = np.array(ground[:, drift : drift + WIDTH_PX], np.float32)
         picture[HEIGHT_PX // 2 - 160 : HEIGHT_PX // 2 + 160] = skin[: 2 * 160]
-        noisy = picture + rng.normal(0.0, 1.5, picture.shape)
+        gain = gains[number * len(gains) // _PICTURES]
+        noisy = gain * picture + rng.normal(0.0, 1.5, picture.shape)
         pictures.append(np.clip(noisy, 0, 255).astype(np.uint8))
     return pictures

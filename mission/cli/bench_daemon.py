@@ -22,16 +22,20 @@ def daemon(
     seed: Annotated[int, typer.Option(help="Draws turbine, weather and launch.")] = 1,
     fly: Annotated[bool, typer.Option(help="Start a mission too (minutes).")] = True,
     track: Annotated[bool, typer.Option(help="Fly on as far as along a blade.")] = True,
+    light: Annotated[
+        bool, typer.Option(help="Along a blade, time exposure commands as the light changes.")
+    ] = False,
     threads: Annotated[bool, typer.Option(help="Show the threads that cost most.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Measure the daemon's own processes with every sensor at full rate."""
     from benchmarks.daemon import measure
+    from benchmarks.daemon_light import GOAL_MS
     from benchmarks.latency import machine
 
     here = machine()
     with Console(stderr=True).status("measuring"):
-        found = measure(seed, seconds, speed, fly=fly, track=track)
+        found = measure(seed, seconds, speed, fly=fly, track=track, light=light)
     now = datetime.now(UTC).isoformat(timespec="seconds")
     if as_json:
         answer = {
@@ -54,6 +58,7 @@ def daemon(
                 for stage in found.stages
             ],
             "flood": None if found.flood is None else asdict(found.flood),
+            "light": None if found.light is None else asdict(found.light),
         }
         sys.stdout.write(json.dumps(answer) + "\n")
         return
@@ -71,6 +76,14 @@ def daemon(
             f"{quiet.p50:.0f} / {quiet.p99:.0f} / {quiet.most:.0f} ms; "
             f"in a flood of {found.flood.asked_per_s:.0f} requests a second: "
             f"{flooded.p50:.0f} / {flooded.p99:.0f} / {flooded.most:.0f} ms",
+            soft_wrap=True,
+        )
+    if found.light is not None:
+        lag = found.light
+        out.print(
+            f"decoded picture to exposure command on the wire, {lag.commands} commands, "
+            f"p50 / p99 / max: {lag.p50:.0f} / {lag.p99:.0f} / {lag.most:.0f} ms (goal p99 "
+            f"{GOAL_MS:g} ms)",
             soft_wrap=True,
         )
     if threads:
