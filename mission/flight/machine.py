@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from config.settings import Settings
 from config.turbine import Site, Turbine
-from mission.flight.command import Action, Command, MissionState, Phase, Progress
+from mission.flight.command import Action, Command, MissionState, Phase
 from mission.flight.control import (
     failsafe_of_our_silence,
     regains,
@@ -24,14 +24,23 @@ from mission.flight.events import POLICY, Event, EventRecord, Reaction, arbitrat
 from mission.flight.exposure_order import ExposureOrder
 from mission.flight.flight import Flight, Intent, PhaseStep
 from mission.flight.guard import Airspace
+from mission.flight.interruption import (
+    hold_now,
+    hold_then,
+    home_without_control,
+    in_air,
+    land,
+    note_ending,
+    release,
+)
 from mission.flight.ledger import Ledger, PhotoStatus
+from mission.flight.logbook import Logbook
 from mission.flight.observation import (
     Observation,
     Request,
     RequestKind,
     Vec3,
 )
-from mission.flight.phases.ascend import Ascend
 from mission.flight.phases.hold import Hold, Idle, Released
 from mission.flight.phases.home import Home
 from mission.flight.phases.landed import Landed
@@ -41,7 +50,7 @@ from mission.flight.phases.remeasure import Remeasure
 from mission.flight.phases.takeoff import Engage, Takeoff
 from mission.flight.phases.track import Track
 from mission.flight.plan import Plan
-from mission.flight.report import MissionReport, PhaseTime
+from mission.flight.report import MissionReport
 from mission.flight.watch import Watch
 
 LEAVING = (StandOff, Home, Landed, Released)
@@ -64,14 +73,8 @@ class Machine:
         self._phase: PhaseStep = Idle()
         self._watch = Watch()
         self._seen_s: dict[Event, float] = {}
-        self._times: list[PhaseTime] = []
-        self._entered_s = 0.0
-        self._started_s: float | None = None
-        self._ended_s: float | None = None
-        self._events: list[EventRecord] = []
         self._exposure = ExposureOrder()
-        self._coverage = (0, 0.0)
-        self._words = "waiting for a mission"
+        self._logbook = Logbook()
 
     # --- what others read -----------------------------------------------------------------
 
@@ -115,23 +118,7 @@ class Machine:
         ``brief``: without the share of skin shown, and of the events only what was amiss: what is
         cheap enough to be told in flight.
         """
-        flight = self._flight
-        now = flight.now_s if self._ended_s is None else self._ended_s
-        running = PhaseTime(self._phase.phase, self._entered_s, now)
-        return MissionReport(
-            state=flight.state,
-            words=flight.outcome_words or self._words,
-            started_s=self._started_s,
-            duration_s=0.0 if self._started_s is None else now - self._started_s,
-            phases=(*self._times, running),
-            rotor=flight.rotor,
-            iterations=flight.iterations,
-            passes=flight.ledger.reports(skins=not brief),
-            events=tuple(
-                event for event in self._events if not brief or event.severity >= Reaction.WARN
-            ),
-            swap=flight.swap,
-        )
+        return self._logbook.report(self._flight, self._phase.phase, brief=brief)
 
     # --- a tick ---------------------------------------------------------------------------
 
@@ -149,14 +136,11 @@ class Machine:
         intent = self._decided(observation)
         if intent.then is not None:
             self._enter(intent.then)
-        over = flight.state not in {MissionState.RUNNING, MissionState.PAUSED}
-        if over and isinstance(self._phase, Landed | Released) and self._ended_s is None:
-            self._ended_s = observation.now_s
-        self._words = intent.words
+        self._logbook.ticked(flight, self._phase, intent.words)
         command = self._command(observation, intent)
         records = tuple(flight.records)
         flight.records.clear()
-        self._events.extend(records)
+        self._logbook.happened(records)
         return command, records
 
     def _decided(self, observation: Observation) -> Intent:
@@ -181,9 +165,7 @@ class Machine:
         self._phase = phase
         if phase.phase is before.phase:
             return
-        now = flight.now_s
-        self._times.append(PhaseTime(before.phase, self._entered_s, now))
-        self._entered_s = now
+        self._logbook.entered(before.phase, flight.now_s)
         flight.note("phase", phase.phase)
 
     def _command(self, observation: Observation, intent: Intent) -> Command:
@@ -198,40 +180,8 @@ class Machine:
             ev=None if silent else ev,
             photo=None if silent else intent.photo,
             sensing=flight.task,
-            progress=self._progress(intent),
+            progress=self._logbook.progress(flight, self._phase.phase, intent),
             takeoff_height_m=intent.takeoff_height_m,
-        )
-
-    def _progress(self, intent: Intent) -> Progress:
-        flight = self._flight
-        leg = None
-        if flight.plan is not None and flight.leg_index < len(flight.plan.legs):
-            leg = flight.plan.legs[flight.leg_index]
-        clearance = flight.observation.clearance
-        near = None
-        if clearance is not None and clearance.nearest_m is not None:
-            near = clearance.nearest_m - flight.settings.airframe.radius_m
-        taken = flight.ledger.taken()
-        if taken != self._coverage[0]:
-            self._coverage = (taken, flight.ledger.coverage())
-        rotor = flight.rotor
-        return Progress(
-            phase=self._phase.phase,
-            state=flight.state,
-            words=intent.words,
-            pass_index=flight.leg_index,
-            pass_count=0 if flight.plan is None else len(flight.plan.legs),
-            blade="" if leg is None else leg.blade,
-            side="" if leg is None else leg.side,
-            metre=intent.metre,
-            distance_m=intent.distance_m,
-            clearance_m=near,
-            stop_angle_deg=None if rotor is None else rotor.stop_angle_deg,
-            sigma_deg=None if rotor is None else rotor.sigma_deg,
-            photos=taken,
-            coverage=self._coverage[1],
-            flight=1 if flight.request is None else flight.request.flight,
-            swap=flight.swap,
         )
 
     # --- what arrives ---------------------------------------------------------------------
@@ -291,23 +241,23 @@ class Machine:
             return self._resume()
         if isinstance(phase, Landed | Released):
             return None
-        if isinstance(phase, Preflight) or (isinstance(phase, Takeoff) and not self._in_air()):
+        if isinstance(phase, Preflight) or (isinstance(phase, Takeoff) and not in_air(flight)):
             return self._before_flight(request)
         if request.kind is RequestKind.STOP:
-            return self._release("stopped: handed to the pilot", ask_hold=True)
+            return release(flight, phase, "stopped: handed to the pilot", ask_hold=True)
         if request.kind is RequestKind.ABORT:
             if isinstance(phase, StandOff | Home):
                 return None
-            self._ending(MissionState.ENDED_SAFELY, "aborted by the operator")
+            note_ending(flight, MissionState.ENDED_SAFELY, "aborted by the operator")
             if not flight.engaged:
-                return self._home_without_control("aborted: landing")
-            return self._hold_then(StandOff(Home()), "aborted: holding, then leaving")
+                return home_without_control(flight, phase, "aborted: landing")
+            return hold_then(flight, StandOff(Home()), "aborted: holding, then leaving")
         if request.kind is RequestKind.PAUSE:
             flight.state = MissionState.PAUSED
             if isinstance(phase, Hold):
                 phase.pause()
                 return None
-            return self._hold_then(phase, "paused by the operator", paused=True)
+            return hold_then(flight, phase, "paused by the operator", paused=True)
         inner = phase.then if isinstance(phase, Hold) else phase
         if isinstance(inner, Track):
             inner.skip(flight)
@@ -316,7 +266,7 @@ class Machine:
     def _before_flight(self, request: Request) -> Intent | None:
         if request.kind not in {RequestKind.STOP, RequestKind.ABORT}:
             return None
-        self._ending(MissionState.ENDED_SAFELY, "called off before the take-off")
+        note_ending(self._flight, MissionState.ENDED_SAFELY, "called off before the take-off")
         vehicle = self._flight.observation.vehicle
         armed = vehicle is not None and vehicle.armed
         return Intent(
@@ -329,7 +279,7 @@ class Machine:
             flight.note("request", f"refused: this mission is for {flight.site.name}")
             return None
         flight.request, flight.state = request, MissionState.RUNNING
-        self._started_s = flight.now_s
+        self._logbook.started(flight.now_s)
         return Intent("mission started", then=Preflight())
 
     def _resume(self) -> Intent | None:
@@ -337,19 +287,15 @@ class Machine:
         if isinstance(phase, Hold):
             phase.release(flight)
             return None
-        if isinstance(phase, Released) and phase.then is not None and self._in_air():
+        if isinstance(phase, Released) and phase.then is not None and in_air(flight):
             # A new request is the one way back to offboard control.
             flight.engaged, flight.state = False, MissionState.RUNNING
-            flight.outcome, self._ended_s = None, None
-            flight.outcome_words = ""
+            flight.outcome, flight.outcome_words = None, ""
+            self._logbook.taken_up_again()
             vehicle = flight.observation.vehicle
             mode = None if vehicle is None else vehicle.mode
             return Intent("taken up again", then=Engage(phase.then, from_mode=mode))
         return None
-
-    def _in_air(self) -> bool:
-        vehicle = self._flight.observation.vehicle
-        return vehicle is not None and vehicle.in_air
 
     # --- events ---------------------------------------------------------------------------
 
@@ -366,7 +312,7 @@ class Machine:
             self._seen_s[one] = flight.now_s
         if isinstance(phase, Released | Landed):
             if Event.PILOT_TOOK_OVER in active and isinstance(phase, Landed):
-                return self._release(POLICY[Event.PILOT_TOOK_OVER].words)
+                return release(flight, phase, POLICY[Event.PILOT_TOOK_OVER].words)
             return None
         reaction, event = arbitrate(active), worst(active)
         if event is None or reaction <= Reaction.WARN:
@@ -374,29 +320,29 @@ class Machine:
         return self._react(reaction, event, active)
 
     def _react(self, reaction: Reaction, event: Event, active: set[Event]) -> Intent | None:
-        phase, words = self._phase, POLICY[event].words
+        flight, phase, words = self._flight, self._phase, POLICY[event].words
         if reaction is Reaction.RELEASE:
             failed = event is Event.LINK_LOST
-            return self._release(words, ask_hold=event is Event.FRAME_RESET, failed=failed)
+            return release(flight, phase, words, ask_hold=event is Event.FRAME_RESET, failed=failed)
         if reaction is Reaction.LAND and (regains(phase) or takes_over(phase)):
             # Beside the rotor the autopilot's hold is better than its landing.
-            return self._release(words)
+            return release(flight, phase, words)
         if reaction is Reaction.LAND:
-            self._ending(OUTCOME.get(event, MissionState.ENDED_SAFELY), words)
-            return self._land(words)
+            note_ending(flight, OUTCOME.get(event, MissionState.ENDED_SAFELY), words)
+            return land(flight, words)
         if isinstance(phase, Takeoff | Engage):
             return None
         inner = what_goes_on(phase)
         leaving = isinstance(inner, LEAVING)
         if reaction is Reaction.RETURN and not self._going_home(inner):
-            self._flight.rotor_open = self._flight.rotor_open and event is not Event.ROTOR_TURNING
-            self._ending(OUTCOME.get(event, MissionState.ENDED_SAFELY), words)
-            self._flight.swap = self._flight.swap or event is Event.BATTERY_RESERVE
-            if not self._flight.engaged:
-                return self._home_without_control(words)
-            return self._hold_now(words, StandOff(Home()))
+            flight.rotor_open = flight.rotor_open and event is not Event.ROTOR_TURNING
+            note_ending(flight, OUTCOME.get(event, MissionState.ENDED_SAFELY), words)
+            flight.swap = flight.swap or event is Event.BATTERY_RESERVE
+            if not flight.engaged:
+                return home_without_control(flight, phase, words)
+            return hold_now(flight, words, StandOff(Home()))
         if reaction is Reaction.STAND_OFF and not leaving:
-            return self._hold_now(words, self._measure_again())
+            return hold_now(flight, words, self._measure_again())
         holding = {e for e in active if POLICY[e].reaction is Reaction.HOLD}
         if leaving:
             holding &= HOLDS_EVERYWHERE
@@ -405,13 +351,13 @@ class Machine:
         # After a silence of the link nothing is resumed but by an operator.
         paused = Event.LINK_SILENT in holding and not leaving
         if paused:
-            self._flight.state = MissionState.PAUSED
+            flight.state = MissionState.PAUSED
         if isinstance(phase, Hold):
             phase.disturbed()
             if paused and not phase.paused:
                 phase.pause(words)
             return None
-        return self._hold_then(phase, words, paused=paused)
+        return hold_then(flight, phase, words, paused=paused)
 
     def _going_home(self, phase: PhaseStep) -> bool:
         return isinstance(phase, Home | Landed | Released) or (
@@ -421,57 +367,3 @@ class Machine:
     def _measure_again(self) -> PhaseStep:
         """Leave the rotor and measure it anew; what was photographed stays photographed."""
         return StandOff(Remeasure())
-
-    def _hold_now(self, words: str, then: PhaseStep) -> Intent:
-        """Stop at this tick; ``then`` begins at the next."""
-        flight = self._flight
-        flight.follower.stop()
-        setpoint = flight.hold() if flight.engaged else None
-        return Intent(words, setpoint=setpoint, then=then)
-
-    def _hold_then(self, then: PhaseStep, words: str, *, paused: bool = False) -> Intent:
-        hold = Hold(then, words, paused=paused)
-        if not self._flight.engaged:
-            # The autopilot flies the take-off: it holds, and offboard is asked for afterwards.
-            again = isinstance(then, Engage) and (then.after_silence or then.taken_over)
-            engage = then if again else Engage(Ascend())
-            hold = Hold(engage, words, paused=paused)
-            return Intent(words, action=Action.HOLD, then=hold)
-        intent = hold.step(self._flight)
-        return replace(intent, then=hold)
-
-    def _home_without_control(self, words: str) -> Intent:
-        """End where the autopilot flies: near the rotor only after control was taken up again."""
-        if takes_over(self._phase):
-            return self._release(words)
-        if not regains(self._phase):
-            return self._land(words)
-        return Intent(words, then=Hold(Engage(StandOff(Home()), after_silence=True), words))
-
-    def _land(self, words: str) -> Intent:
-        """Land where the vehicle is, by the autopilot; on the ground, disarm."""
-        flown = self._in_air()
-        self._flight.engaged = False
-        self._flight.land_asked_s = self._flight.now_s
-        action = Action.LAND if flown else Action.DISARM
-        return Intent(words, action=action, then=Landed(flown=flown))
-
-    def _release(self, words: str, *, ask_hold: bool = False, failed: bool = False) -> Intent:
-        flight, phase = self._flight, self._phase
-        inner = what_goes_on(phase)
-        again = None if isinstance(inner, Landed) else inner
-        flight.engaged = False
-        flight.state = MissionState.RELEASED
-        if failed:
-            flight.outcome, flight.outcome_words = MissionState.FAILED, words
-            flight.state, again = MissionState.FAILED, None
-        flight.outcome_words = flight.outcome_words or words
-        flight.follower.stop()
-        action = Action.HOLD if ask_hold else None
-        return Intent(words, action=action, then=Released(again, words))
-
-    def _ending(self, outcome: MissionState, words: str) -> None:
-        flight = self._flight
-        if flight.outcome is None:
-            flight.outcome, flight.outcome_words = outcome, words
-            flight.note("ending", words)
