@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import re
+from typing import cast
+
 from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from config.patterns import in_words
 
 
 class ConfigError(ValueError):
@@ -24,8 +30,17 @@ def first_fault(error: ValidationError, *, whole: str = "", found: bool = False)
     that was found, for what somebody has just typed.
     """
     fault = error.errors(include_url=False)[0]
-    where = ".".join(str(part) for part in fault["loc"]) or whole
-    words = fault["msg"].removeprefix("Value error, ")
-    if found:
+    where = ".".join(str(part) for part in fault["loc"] if part != "[key]") or whole
+    if found and fault["type"] != "missing":
         where = f"{where} {fault['input']!r}"
-    return f"{where}: {words}" if where else words
+    return f"{where}: {_words(fault)}" if where else _words(fault)
+
+
+def _words(fault: ErrorDetails) -> str:
+    """Return what is wrong, as this product says it: ``must be less than 360``."""
+    if fault["type"] == "missing":
+        return "is missing"
+    if fault["type"] == "string_pattern_mismatch":
+        return f"must be {in_words(cast('str', fault['ctx']['pattern']))}"
+    words = fault["msg"].removeprefix("Value error, ")
+    return re.sub(r"^(Input|String) should\b", "must", words)

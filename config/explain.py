@@ -12,6 +12,7 @@ from typing import TypeAlias, cast
 
 from pydantic import ValidationError
 
+from config.patterns import in_words
 from config.settings import Settings
 
 Schema: TypeAlias = Mapping[str, object]
@@ -147,7 +148,7 @@ def _plain(schema: Schema) -> str:
             return "true or false"
         case "string":
             pattern = schema.get("pattern")
-            return "a text" + (f" that matches {pattern}" if pattern else "")
+            return in_words(pattern) if isinstance(pattern, str) else "a text"
         case "array":
             return _list(schema)
         case _:

@@ -7,10 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from config.model import ConfigModel, Positive
-
-#: As Zenoh writes them: tcp/127.0.0.1:7447; empty where there is none.
-END_POINT = r"^((tcp|udp|tls|quic|ws|vsock|serial|unixsock-stream|unixpipe)/[^ ]+)?$"
-TLS_END_POINT = r"^(tls/[^/ ]+:[0-9]{1,5})?$"
+from config.patterns import END_POINT, TLS_END_POINT
 
 
 class Autopilot(ConfigModel):

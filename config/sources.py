@@ -2,8 +2,9 @@
 
 A settings file and a scenario are the same TOML. A variable names its key with double
 underscores (``BLADESCOUT_GUARD__MAX_HEIGHT_M=150``); on the command line it is
-``--set guard.max_height_m=150``. Every value remembers where it came from, and every mistake
-becomes a `ConfigError` that names place, key, value and what is allowed.
+``--set guard.max_height_m=150``, or an option that stands for one key. Every value remembers
+where it came from, and every mistake becomes a `ConfigError` that names place, key, value and
+what is allowed.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ class Loaded:
 
     settings: Settings
     places: Mapping[str, str]
-    """Of every setting, by its dotted key: `default`, a file, a variable or `--set`."""
+    """Of every setting, by its dotted key: `default`, a file, a variable, `--set`, an option."""
 
     def leaves(self) -> Iterator[tuple[str, object, str]]:
         """Yield (key, value, place) of every setting, in the order of the model."""
@@ -54,19 +55,22 @@ def load_settings(
     files: Sequence[Path | str] = (),
     overrides: Sequence[str] = (),
     environment: Mapping[str, str] | None = None,
+    options: Mapping[str, str] | None = None,
 ) -> Settings:
     """Return the settings; see `load`."""
-    return load(files, overrides, environment).settings
+    return load(files, overrides, environment, options).settings
 
 
 def load(
     files: Sequence[Path | str] = (),
     overrides: Sequence[str] = (),
     environment: Mapping[str, str] | None = None,
+    options: Mapping[str, str] | None = None,
 ) -> Loaded:
     """Return the settings and where each comes from.
 
-    Later files win over earlier ones. ``overrides`` are texts ``section.key=value``.
+    Later files win over earlier ones. ``overrides`` are texts ``section.key=value``; ``options``
+    are such texts by the option that was typed for them (``--seed``), and have the last word.
     ``environment`` is the process's own unless given. Raises `ConfigError`.
     """
     merged = _Merged()
@@ -76,11 +80,12 @@ def load(
     for name in sorted(variables):
         if name.startswith(PREFIX):
             merged.put(tuple(name[len(PREFIX) :].lower().split("__")), variables[name], name)
-    for text in overrides:
+    typed = [(COMMAND_LINE, text) for text in overrides]
+    for place, text in [*typed, *(options or {}).items()]:
         key, equals, value = text.partition("=")
         if not equals or not key.strip():
-            raise ConfigError(f"{COMMAND_LINE} {text!r}: write it as section.key=value")
-        merged.put(tuple(key.strip().split(".")), value.strip(), COMMAND_LINE)
+            raise ConfigError(f"{place} {text!r}: write it as section.key=value")
+        merged.put(tuple(key.strip().split(".")), value.strip(), place)
     settings = _validated(merged)
     _check_sites(settings, merged)
     paths = (path for path, _ in _leaves(settings.model_dump(mode="json")))

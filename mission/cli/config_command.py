@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mission.cli.exits import Exit, end
+from mission.cli.typed import AsJson
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -27,7 +28,7 @@ def show(
     set_: Annotated[
         list[str] | None, typer.Option("--set", help="section.key=value, as in a file.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Show the value of every setting and where it comes from."""
     from rich.console import Console
@@ -41,12 +42,13 @@ def show(
     if as_json:
         sys.stdout.write(json.dumps(_as_object(loaded)) + "\n")
     else:
-        Console().print(_as_table(loaded))
+        # Elsewhere than on a terminal nothing is folded: a line stays a setting.
+        Console(width=None if sys.stdout.isatty() else 400).print(_as_table(loaded))
 
 
 @app.command()
 def check(
-    file: Annotated[Path, typer.Argument(help="A settings file or scenario.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A settings file or scenario.")],
 ) -> None:
     """Check a file by itself: exit 0 when every value can be used, else 2 and say why not."""
     from config.sources import ConfigError, load

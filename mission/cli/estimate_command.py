@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mission.cli.exits import Exit, end
+from mission.cli.typed import AsJson
 
 if TYPE_CHECKING:
     from config.settings import Settings
@@ -21,7 +22,8 @@ if TYPE_CHECKING:
 
 def estimate(
     cloud: Annotated[
-        Path, typer.Argument(help="NPZ, PCD, PLY, LVX2, PCAP or PCAPNG; metres, z up.")
+        Path,
+        typer.Argument(metavar="CLOUD", help="NPZ, PCD, PLY, LVX2, PCAP or PCAPNG; metres, z up."),
     ],
     viewpoint: Annotated[
         str | None, typer.Option(help="X,Y,Z: where the sensor stood, in the cloud's frame.")
@@ -55,7 +57,7 @@ def estimate(
     set_: Annotated[
         list[str] | None, typer.Option("--set", help="section.key=value, as in a file.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Find stop angle, hub, shaft and pitch in a recorded point cloud."""
     from drivers.bad_file import BadFile
@@ -64,8 +66,8 @@ def estimate(
     from perception.cloud_estimate import Question, estimate_cloud
     from perception.recorded_cloud import UnusableCloud
 
-    overrides = [*(set_ or []), *([f"estimation.method={method}"] if method else [])]
-    settings = _settings(config or [], overrides)
+    options = {"--method": f"estimation.method={method}"} if method is not None else {}
+    settings = _settings(config or [], set_ or [], options)
     question = Question(
         turbine=_turbine(turbine, scale),
         rotor_radius_m=None if rotor_diameter is None else rotor_diameter / 2,
@@ -97,11 +99,11 @@ def _exit(answer: CloudAnswer) -> Exit:
     return Exit.REFUSED if isinstance(answer.rotor, Refusal) else Exit.DONE
 
 
-def _settings(files: list[Path], overrides: list[str]) -> Settings:
+def _settings(files: list[Path], overrides: list[str], options: dict[str, str]) -> Settings:
     from config.sources import ConfigError, load_settings
 
     try:
-        return load_settings(files, overrides=overrides)
+        return load_settings(files, overrides=overrides, options=options)
     except ConfigError as error:
         end(Exit.CONFIGURATION, str(error))
 

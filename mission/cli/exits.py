@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import os
+import sys
+from contextvars import ContextVar
 from enum import IntEnum
 from typing import NoReturn
 
@@ -35,8 +39,26 @@ def exit_of(state: MissionState) -> Exit:
     return _OF_STATE.get(state, Exit.FAILED)
 
 
+_json_wanted: ContextVar[bool] = ContextVar("json_wanted", default=False)
+
+
+def want_json(wanted: bool) -> bool:
+    """Remember whether the command that runs was asked for ``--json``; the option's callback."""
+    _json_wanted.set(wanted)
+    return wanted
+
+
 def end(code: Exit, sentence: str) -> NoReturn:
-    """Print one sentence on standard error and leave with the code."""
-    typer.secho("error: ", fg=typer.colors.RED, bold=True, nl=False, err=True)
-    typer.echo(sentence, err=True)
+    """Print one sentence on standard error and leave with the code.
+
+    Who asked for ``--json`` is told on standard output, too: ``{"ok": false, "exit_code": 5,
+    "error": "..."}``.
+    """
+    plain = "NO_COLOR" in os.environ or os.environ.get("TERM") == "dumb"
+    word = typer.style("error: ", fg=typer.colors.RED, bold=True)
+    # Where standard error is no terminal, the library takes the colour off by itself.
+    typer.echo(word + sentence, err=True, color=False if plain else None)
+    if _json_wanted.get():
+        told = {"ok": False, "exit_code": int(code), "error": sentence}
+        sys.stdout.write(json.dumps(told) + "\n")
     raise typer.Exit(int(code))

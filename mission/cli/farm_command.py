@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 
 
 def farm(
-    file: Annotated[Path, typer.Argument(help="Farm file: turbines and vehicles.")],
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="Farm file: turbines, vehicles (docs/fleet.md).")
+    ],
     rotor_locked: Annotated[
         bool,
         typer.Option(

@@ -15,15 +15,26 @@ from mission.cli.simulate_command import load_scenario
 
 def field(
     scenario: Annotated[
-        str, typer.Argument(help="A packaged scenario (demo, full ...) or a TOML file.")
+        str,
+        typer.Argument(
+            metavar="SCENARIO",
+            help="A packaged scenario (bladescout simulate --list) or a TOML file.",
+        ),
     ] = "demo",
-    seed: Annotated[int | None, typer.Option(help="Draws turbine, weather and launch.")] = None,
-    speed: Annotated[str | None, typer.Option(help="A factor, or 'auto' (1 to 5).")] = None,
-    out: Annotated[Path, typer.Option(help="Where its settings and its clock are written.")] = Path(
-        "field"
-    ),
+    seed: Annotated[
+        int | None,
+        typer.Option(help="Draws stop angle, pitch, yaw, launch point; else as the scenario says."),
+    ] = None,
+    speed: Annotated[
+        str | None,
+        typer.Option(help="Times real time, 0 to 20; or auto: as fast as this computer can, 1-5."),
+    ] = None,
+    out: Annotated[
+        Path, typer.Option(help="Folder that its settings and its clock are written to.")
+    ] = Path("field"),
     set_: Annotated[
-        list[str] | None, typer.Option("--set", help="section.key=value, as in a file.")
+        list[str] | None,
+        typer.Option("--set", help="section.key=value, as in a file; may be given again."),
     ] = None,
 ) -> None:
     """Play autopilot, LiDAR, camera and gimbal of a drone at a turbine until Ctrl-C.
@@ -37,11 +48,17 @@ def field(
     from mission.processes.runtime import CLOCK_FILE
     from mission.processes.simulation import Field, SimulationFailed, on_loopback
 
-    overrides = [*(set_ or []), "simulation.sensors=wire"]
-    for key, value in (("simulation.seed", seed), ("simulation.speed", speed)):
-        if value is not None:
-            overrides.append(f"{key}={value}")
-    settings = on_loopback(load_scenario(scenario, overrides))
+    options = {
+        option: f"{key}={value}"
+        for option, key, value in (
+            ("--seed", "simulation.seed", seed),
+            ("--speed", "simulation.speed", speed),
+        )
+        if value is not None
+    }
+    settings = on_loopback(
+        load_scenario(scenario, [*(set_ or []), "simulation.sensors=wire"], options)
+    )
     world_dir = out / "world"
     try:
         world_dir.mkdir(parents=True, exist_ok=True)

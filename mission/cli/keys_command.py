@@ -20,7 +20,9 @@ Places = Annotated[
 
 
 def keys(
-    folder: Annotated[Path, typer.Argument(help="Where the keys are kept, on the ground.")],
+    folder: Annotated[
+        Path, typer.Argument(metavar="FOLDER", help="Where the keys are kept, on the ground.")
+    ],
     vehicle: Places = None,
     router: Places = None,
     operator: Names = None,

@@ -31,7 +31,7 @@ from mission.cli import (
     watch_command,
 )
 from mission.cli import simulate_command as simulation
-from mission.cli.exits import Exit
+from mission.cli.exits import Exit, want_json
 
 app = typer.Typer(
     name="bladescout",
@@ -74,6 +74,8 @@ def _options(
     ] = False,
 ) -> None:
     """Inspect the blades of a stopped wind turbine by drone."""
+    del version  # its callback has answered
+    want_json(False)
 
 
 #: What the command-line library says by itself: a question that nobody answered, Ctrl-C.

@@ -9,24 +9,26 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mission.cli.exits import Exit, end
+from mission.cli.typed import AsJson
 
 if TYPE_CHECKING:
     from mission.records.locate import Located, Place
 
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
-
 
 def locate(
-    photo: Annotated[Path, typer.Argument(help="A photo of a mission folder.")],
-    x: Annotated[float, typer.Argument(help="Pixels from the left edge.")],
-    y: Annotated[float, typer.Argument(help="Pixels from the upper edge.")],
+    photo: Annotated[
+        Path,
+        typer.Argument(metavar="PHOTO", help="A photo in a mission folder, its .json beside it."),
+    ],
+    x: Annotated[float, typer.Argument(metavar="X", help="Pixels from the left edge.")],
+    y: Annotated[float, typer.Argument(metavar="Y", help="Pixels from the upper edge.")],
     to: Annotated[
         tuple[float, float] | None,
-        typer.Option("--to", metavar="X2 Y2", help="Measure the length to this pixel."),
+        typer.Option("--to", metavar="X2 Y2", help="Measure the length to this pixel, too."),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Say what a pixel of a photo shows, and how large it is."""
+    """Say what a pixel of a photo shows: metre, place on the chord, skin or sky; millimetres."""
     from mission.records.locate import OutsidePicture, locate
     from mission.records.photo_record import NotARecord
 
@@ -70,7 +72,7 @@ def _place(place: Place) -> list[str]:
 
 
 def verify(
-    folder: Annotated[Path, typer.Argument(help="A mission folder.")],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A mission folder.")],
     as_json: AsJson = False,
 ) -> None:
     """Check a mission's files against their SHA-256 sums."""
@@ -95,9 +97,11 @@ def verify(
 
 
 def export(
-    mission: Annotated[Path, typer.Argument(help="A mission folder.")],
+    mission: Annotated[Path, typer.Argument(metavar="DIR", help="A mission folder.")],
     to: Annotated[Path, typer.Option("--to", help="A new or empty folder.")],
-    rejected: Annotated[bool, typer.Option("--rejected", help="Those not kept, too.")] = False,
+    rejected: Annotated[
+        bool, typer.Option("--rejected", help="Copy photos that were not kept, too.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Copy a mission's photos, sorted, with an index and camera poses for COLMAP and Metashape."""

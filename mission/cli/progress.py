@@ -102,7 +102,7 @@ class LiveProgress:
         parts = [
             f"{state.mission_s:6.0f} s",
             f"{p.phase:9}",
-            f"height {_or_dash(_height_m(state), '.0f', ' m')}",
+            f"height {_or_dash(_height_m(state), 'z.0f', ' m')}",
             f"clearance {_or_dash(p.clearance_m, '.1f', ' m')}",
             f"battery {_or_dash(state.battery, '.0%')}",
             f"angle {_or_dash(p.stop_angle_deg, '.2f', ' deg')}",
@@ -120,7 +120,7 @@ class LiveProgress:
             grid.add_column(style="dim", min_width=10)
             grid.add_column(overflow="ellipsis", no_wrap=True)
         left.add_row("phase", Text(p.phase, style="bold cyan"))
-        left.add_row("height", _or_dash(_height_m(state), ".1f", " m"))
+        left.add_row("height", _or_dash(_height_m(state), "z.1f", " m"))
         left.add_row("distance", _or_dash(p.distance_m, ".2f", " m"))
         left.add_row("clearance", _or_dash(p.clearance_m, ".1f", " m"))
         left.add_row("stop angle", _angle(p))
@@ -155,7 +155,7 @@ def status_table(state: StateMessage) -> Table:
         table.add_row("stop angle", _angle(p))
         table.add_row("blade", _blade(p))
         table.add_row("photos", f"{p.photos}, coverage {p.coverage:.0%}")
-    table.add_row("height", _or_dash(_height_m(state), ".1f", " m"))
+    table.add_row("height", _or_dash(_height_m(state), "z.1f", " m"))
     table.add_row("clearance", _or_dash(p.clearance_m, ".1f", " m"))
     table.add_row("battery", _or_dash(state.battery, ".0%"))
     return table

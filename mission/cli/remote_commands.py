@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 import typer
 
 from mission.cli.exits import Exit, end
+from mission.cli.typed import AsJson, asked_text, asked_word, blades_typed, mistyped, numbers_typed
 
 if TYPE_CHECKING:
     from mission.remote.client import Client
@@ -20,6 +21,21 @@ if TYPE_CHECKING:
 
 Opened = TypeVar("Opened")
 DEFAULT_ROUTER = "tcp/127.0.0.1:7447"
+#: What is typed for a request's field.
+_OPTION_OF = {
+    "id": "--request-id",
+    "site": "TURBINE",
+    "operator": "--operator",
+    "blades": "--blades",
+    "sides": "--sides",
+    "blade_serials": "--blades",
+    "nacelle_yaw_deg": "--nacelle-yaw",
+    "blade_pitch_deg": "--blade-pitch",
+    "launch_enu_m": "--launch",
+    "rendezvous_w": "--rendezvous",
+    "expires_utc_s": "--valid",
+    "mission": "MISSION",
+}
 
 Vehicle = Annotated[
     str, typer.Option(help="Name of the vehicle.", envvar="BLADESCOUT_VEHICLE", show_envvar=True)
@@ -38,7 +54,6 @@ Keys = Annotated[
         help="Folder of your certificate, for tls.", envvar="BLADESCOUT_BUS__KEYS", show_envvar=True
     ),
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Print the reply as JSON.")]
 
 
 def connect(vehicle: str, router: str, keys: str) -> Client:
@@ -86,25 +101,37 @@ def _show(reply: Reply, as_json: bool) -> None:
 
 
 def start(
-    turbine: Annotated[str, typer.Argument(help="Name of the turbine, as configured.")],
-    operator: Annotated[str, typer.Option(help="Who starts the mission.", prompt=True)],
+    turbine: Annotated[
+        str,
+        typer.Argument(metavar="TURBINE", help="Name of the turbine, as bladescout turbines says."),
+    ],
+    operator: Annotated[
+        str, typer.Option(help="Who starts the mission; asked for where not given.")
+    ] = "",
     rotor_locked: Annotated[
         bool,
         typer.Option(
             "--rotor-locked",
-            help="The operator's word: rotor braked and locked, yaw off.",
-            prompt="Is the rotor braked and locked, and the yaw drive off?",
+            help="The operator's word: rotor braked and locked, yaw off; asked for likewise.",
         ),
-    ],
+    ] = False,
     blades: Annotated[
-        str, typer.Option(help="Blades to fly, as A,C; or with serials, as A=LM-1,B=LM-2,C=LM-3.")
+        str,
+        typer.Option(
+            help="Blades to fly, as A,C; or with serials, as A=LM-1,B=LM-2,C=LM-3. "
+            "Without it: as configured."
+        ),
     ] = "",
-    sides: Annotated[str, typer.Option(help="Sides to fly, as PS,SS,LE,TE.")] = "",
+    sides: Annotated[
+        str, typer.Option(help="Sides to fly, as PS,SS,LE,TE. Without it: as configured.")
+    ] = "",
     nacelle_yaw: Annotated[
-        float | None, typer.Option(help="Compass direction into which the rotor faces, degrees.")
+        float | None,
+        typer.Option(help="Compass direction into which the rotor faces, degrees, where known."),
     ] = None,
     blade_pitch: Annotated[
-        float | None, typer.Option(help="0 = operating, 90 = feathered, degrees.")
+        float | None,
+        typer.Option(help="0 = operating, 90 = feathered, degrees, where known."),
     ] = None,
     launch: Annotated[
         str, typer.Option(help="Take-off point from the tower's base: EAST,NORTH[,UP] in metres.")
@@ -129,17 +156,20 @@ def start(
     as_json: AsJson = False,
 ) -> None:
     """Start a mission at a turbine."""
-    from mission.cli.typed import blades_typed, numbers_typed
+    from pydantic import ValidationError
+
     from mission.remote.messages import StartRequest
 
     chosen, serials = blades_typed(blades)
     request = {
         "id": request_id or uuid.uuid4().hex,
         "site": turbine,
-        "operator": operator,
-        "rotor_locked": rotor_locked,
+        "operator": asked_text("--operator", operator, "Who starts the mission?"),
+        "rotor_locked": asked_word(
+            "--rotor-locked", rotor_locked, "Is the rotor braked and locked, and the yaw drive off?"
+        ),
         "blades": chosen,
-        "sides": tuple(sides.split(",")) if sides else None,
+        "sides": tuple(side.strip().upper() for side in sides.split(",")) if sides else None,
         "blade_serials": serials,
         "nacelle_yaw_deg": nacelle_yaw,
         "blade_pitch_deg": blade_pitch,
@@ -149,17 +179,17 @@ def start(
         "expires_utc_s": None if valid is None else time.time() + valid,
         "dry_run": dry_run,
     }
+    try:
+        checked = StartRequest.model_validate(request)
+    except ValidationError as error:
+        mistyped(error, _OPTION_OF)
     with connect(vehicle, router, keys) as client:
-        _answered(
-            lambda: client.send_start(StartRequest.model_validate(request)),
-            lambda reply: _show(reply, as_json),
-        )
+        _answered(lambda: client.send_start(checked), lambda reply: _show(reply, as_json))
 
 
 def _answered(ask: Callable[[], Reply], show: Callable[[Reply], None]) -> None:
     from pydantic import ValidationError
 
-    from config.errors import first_fault
     from mission.remote.client import NoReply
 
     try:
@@ -167,7 +197,7 @@ def _answered(ask: Callable[[], Reply], show: Callable[[Reply], None]) -> None:
     except NoReply as error:
         end(Exit.DEVICE, str(error))
     except ValidationError as error:
-        end(Exit.CONFIGURATION, first_fault(error, found=True))
+        mistyped(error, _OPTION_OF)
     show(reply)
 
 
@@ -187,7 +217,10 @@ def _plain(name: str, words: str) -> Callable[..., None]:
 
 def resume(
     mission: Annotated[
-        str, typer.Argument(help="Folder of the mission to go on with; else the newest.")
+        str,
+        typer.Argument(
+            metavar="MISSION", help="Folder of the mission to go on with; else the newest."
+        ),
     ] = "",
     operator: Annotated[str, typer.Option(help="Who resumes a mission that had ended.")] = "",
     rotor_locked: Annotated[

@@ -12,8 +12,10 @@ from mission.cli.exits import Exit, end
 
 
 def report(
-    folder: Annotated[Path, typer.Argument(help="A mission folder.")],
-    pdf: Annotated[bool, typer.Option("--pdf", help="Print it to report.pdf, too.")] = False,
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A mission folder.")],
+    pdf: Annotated[
+        bool, typer.Option("--pdf", help="Print it to report.pdf, too (needs Chromium).")
+    ] = False,
     findings: Annotated[
         Path | None, typer.Option(help="Findings to put on the blade map: CSV or COCO JSON.")
     ] = None,

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mission.cli.exits import Exit, end, exit_of
+from mission.cli.exits import Exit, end, exit_of, want_json
 from mission.cli.junit import Flown, write_junit
 
 if TYPE_CHECKING:
@@ -25,41 +26,68 @@ def simulate_command(
     scenarios: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="[SCENARIO]...",
-            help="Packaged scenarios (demo, full ...) or TOML files; demo where none is named.",
+            metavar="SCENARIO...",
+            help="Packaged scenarios (see --list) or TOML files of your own, flown one after the "
+            "other; demo where none is named.",
         ),
     ] = None,
-    seed: Annotated[int | None, typer.Option(help="Draws turbine, weather and launch.")] = None,
-    speed: Annotated[str | None, typer.Option(help="A factor, or 'auto' (1 to 5).")] = None,
-    sensors: Annotated[str | None, typer.Option(help="'wire' or 'bus'.")] = None,
+    seed: Annotated[
+        int | None,
+        typer.Option(help="Draws stop angle, pitch, yaw, launch point; else as the scenario says."),
+    ] = None,
+    speed: Annotated[
+        str | None,
+        typer.Option(help="Times real time, 0 to 20; or auto: as fast as this computer can, 1-5."),
+    ] = None,
+    sensors: Annotated[
+        str | None,
+        typer.Option(help="wire: LiDAR by UDP, picture by RTSP, as on a drone; or bus: cheaper."),
+    ] = None,
     autopilot: Annotated[
-        str | None, typer.Option(help="URL of another PX4-like simulator.")
+        str | None,
+        typer.Option(help="URL of another PX4-like simulator instead of the mock: udpin://..."),
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder of the missions.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of the missions, else missions.")] = None,
     set_: Annotated[
-        list[str] | None, typer.Option("--set", help="section.key=value, as in a file.")
+        list[str] | None,
+        typer.Option("--set", help="section.key=value, as in a file; may be given again."),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print mission.json on stdout.")] = False,
+    as_json: Annotated[
+        bool,
+        typer.Option(
+            "--json",
+            callback=want_json,
+            help="Print mission.json (of several: {missions: [...]}), and nothing else.",
+        ),
+    ] = False,
     junit: Annotated[Path | None, typer.Option(help="Write a JUnit report there, for CI.")] = None,
     keep: Annotated[
-        Path | None, typer.Option(help="Keep the processes' private files here.")
+        Path | None,
+        typer.Option(help="An empty folder for the processes' logs, else thrown away."),
     ] = None,
+    list_: Annotated[
+        bool, typer.Option("--list", help="List the packaged scenarios, and fly nothing.")
+    ] = False,
 ) -> None:
     """Fly whole inspections here: synthetic world, production path; exit 0 when all completed."""
     from rich.console import Console
 
-    overrides = list(set_ or [])
-    for key, value in (
-        ("simulation.seed", seed),
-        ("simulation.speed", speed),
-        ("simulation.sensors", sensors),
-        ("simulation.autopilot_url", autopilot),
-        ("missions_dir", out),
-    ):
-        if value is not None:
-            overrides.append(f"{key}={value}")
+    if list_:
+        _list_scenarios()
+        return
+    options = {
+        option: f"{key}={value}"
+        for option, key, value in (
+            ("--seed", "simulation.seed", seed),
+            ("--speed", "simulation.speed", speed),
+            ("--sensors", "simulation.sensors", sensors),
+            ("--autopilot", "simulation.autopilot_url", autopilot),
+            ("--out", "missions_dir", out),
+        )
+        if value is not None
+    }
     names = scenarios or ["demo"]
-    loaded = [(name, load_scenario(name, overrides)) for name in names]
+    loaded = [(name, load_scenario(name, set_ or [], options)) for name in names]
     console = Console(file=sys.stderr if as_json else sys.stdout)
     flown: list[Flown] = []
     try:
@@ -126,13 +154,25 @@ def _make_room(missions: Path, keep: Path | None) -> None:
             end(Exit.CONFIGURATION, f"{folder}: no folder can be made there: {error.strerror}")
 
 
-def load_scenario(scenario: str, overrides: list[str]) -> Settings:
-    """Return the settings of a scenario, or end with one sentence."""
+def _list_scenarios() -> None:
+    from config.scenarios import scenario_names, scenario_summary
+
+    names = scenario_names()
+    width = max(map(len, names))
+    for name in names:
+        typer.echo(f"{name:<{width}}  {scenario_summary(name)}")
+
+
+def load_scenario(scenario: str, overrides: list[str], options: Mapping[str, str]) -> Settings:
+    """Return the settings of a scenario, or end with one sentence.
+
+    ``options``: what single options set, by their names (`config.sources.load`).
+    """
     from config.sources import ConfigError, load_settings, scenario_path
 
     try:
         path = Path(scenario) if scenario.endswith(".toml") else scenario_path(scenario)
-        settings = load_settings([path], overrides=overrides)
+        settings = load_settings([path], overrides=overrides, options=options)
     except ConfigError as error:
         end(Exit.CONFIGURATION, str(error))
     if not settings.sites:

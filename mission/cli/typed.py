@@ -2,7 +2,59 @@
 
 from __future__ import annotations
 
-from mission.cli.exits import Exit, end
+import re
+import sys
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, NoReturn
+
+import typer
+
+from mission.cli.exits import Exit, end, want_json
+
+if TYPE_CHECKING:
+    from pydantic import ValidationError
+
+#: Of every command that has an answer: one object on standard output, whatever comes of it.
+AsJson = Annotated[
+    bool,
+    typer.Option("--json", callback=want_json, help="Print one JSON object, and nothing else."),
+]
+
+
+def asked_text(option: str, given: str, question: str) -> str:
+    """Return what was given, or what is answered where somebody sits at a terminal."""
+    if given:
+        return given
+    _need_terminal(option)
+    return str(typer.prompt(question, err=True))
+
+
+def asked_word(option: str, given: bool, question: str) -> bool:
+    """Return the word that was given, or the one that is given where somebody is asked."""
+    if given:
+        return True
+    _need_terminal(option)
+    return typer.confirm(question, err=True)
+
+
+def mistyped(error: ValidationError, options: Mapping[str, str]) -> NoReturn:
+    """End with the first thing that is wrong with a request, by the option that it was typed for.
+
+    ``options``: of each field that has one.
+    """
+    from config.errors import first_fault
+
+    field = str(error.errors(include_url=False)[0]["loc"][0])
+    words = first_fault(error, found=True)
+    option = options.get(field)
+    if option is not None:
+        words = re.sub(r"^[^ ]+", option, words, count=1)
+    end(Exit.CONFIGURATION, words)
+
+
+def _need_terminal(option: str) -> None:
+    if not sys.stdin.isatty():
+        end(Exit.CONFIGURATION, f"{option} is missing, and nobody is there to be asked")
 
 
 def blades_typed(text: str) -> tuple[tuple[str, ...] | None, dict[str, str]]:
@@ -18,9 +70,9 @@ def blades_typed(text: str) -> tuple[tuple[str, ...] | None, dict[str, str]]:
     for part in text.split(","):
         name, equals, serial = part.strip().partition("=")
         if equals:
-            serials[name] = serial
+            serials[name.upper()] = serial
         else:
-            names.append(name)
+            names.append(name.upper())
     if names and serials:
         end(Exit.CONFIGURATION, f"--blades {text!r}: either names, or a serial for each")
     return (tuple(names) or None), serials

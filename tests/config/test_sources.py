@@ -90,7 +90,7 @@ def test_one_item_of_a_list_can_be_changed():
         ("simulation.speed=fast", "above 0 and at most 20 or 'auto'"),
         ("inspection.sides=PS,UP", "sides.1 = 'UP' is not allowed: it must be one of 'PS', 'SS',"),
         ("guard=3", "guard = 3 is not allowed: it must be a table with min_clearance_m"),
-        ("vehicle=a b", "a text that matches"),
+        ("vehicle=a b", "it must be 1 to 32 letters, digits, '_' and '-'"),
         ("autopilot.system_id=1.5", "a whole number at least 1 and at most 255"),
         ("guard", "write it as section.key=value"),
         ("=3", "write it as section.key=value"),

@@ -1,5 +1,7 @@
 """Mistakes in what a person types: one sentence with place and key, exit 2, no traceback."""
 
+import json
+
 import pytest
 from typer.testing import CliRunner
 
@@ -13,19 +15,27 @@ FILES = {
 }
 
 
+START = ("start", "hill-3", "--operator", "ada", "--rotor-locked")
+
+
 @pytest.fixture
 def run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for name, text in FILES.items():
         (tmp_path / name).write_text(text)
+    (tmp_path / "notes").write_text("no TOML file by its name")
     (tmp_path / "kept" / "field").mkdir(parents=True)
-    return lambda *words: CliRunner().invoke(app, words)
+    return lambda *words, **how: CliRunner().invoke(app, words, **how)
 
 
 @pytest.mark.parametrize(
     ("words", "named"),
     [
-        (("simulate", "nowhere"), ("nowhere", "demo", "full")),
+        (("simulate", "nowhere"), ("nowhere", "demo", "full", "--list")),
+        (("simulate", "dmo"), ("did you mean 'demo'?",)),
+        (("simulate", "lidar-stop"), ("did you mean 'faults/lidar-stops'?",)),
+        (("simulate", "faults/rain"), ("faults/rain", "faults/fog", "faults/gust")),
+        (("simulate", "notes"), ("'notes'", "ends in .toml")),
         (("simulate", "missing.toml"), ("missing.toml", "no such file")),
         (("simulate", "bad.toml"), ("bad.toml", "not valid TOML", "line 2")),
         (("simulate", "unknown.toml"), ("unknown.toml", "guard.max_hight_m")),
@@ -34,8 +44,9 @@ def run(tmp_path, monkeypatch):
         (("simulate", "demo", "--set", "guard.max_lead_m=9"), ("--set", "at most 3")),
         (("simulate", "demo", "--set", "nonsense"), ("nonsense", "section.key=value")),
         (("simulate", "demo", "--set", "sites.0.turbine=mill"), ("mill", "windpact-1.5")),
-        (("simulate", "demo", "--seed", "-1"), ("simulation.seed", "-1")),
-        (("simulate", "demo", "--speed", "fast"), ("simulation.speed", "fast")),
+        (("simulate", "demo", "--seed", "-1"), ("error: --seed: simulation.seed", "-1")),
+        (("simulate", "demo", "--speed", "fast"), ("error: --speed: simulation.speed", "fast")),
+        (("estimate", "c.npz", "--method", "guess"), ("error: --method: ", "guess", "fermat")),
         (("simulate", "demo", "--autopilot", "tcp:nowhere"), ("tcp:nowhere", "udpin://")),
         (("simulate", "demo", "--out", "bad.toml"), ("bad.toml", "no folder")),
         (("simulate", "demo", "--keep", "kept"), ("--keep kept", "earlier run")),
@@ -46,6 +57,15 @@ def run(tmp_path, monkeypatch):
         (("report", "."), ("mission.json",)),
         (("status", "--vehicle", "a/**"), ("--vehicle", "a/**")),
         (("status", "--router", "nowhere"), ("--router", "nowhere", "tcp/HOST:PORT")),
+        ((*START, "--blades", "X"), ("--blades 'X'", "'A', 'B' or 'C'")),
+        ((*START, "--blades", "A=1,D=2"), ("--blades 'D'",)),
+        ((*START, "--sides", "PS,UP"), ("--sides 'UP'", "'TE'")),
+        ((*START, "--nacelle-yaw", "400"), ("--nacelle-yaw 400.0: must be less than 360",)),
+        ((*START, "--launch", "nan,2"), ("--launch nan",)),
+        (("start", "hill 3", *START[2:]), ("TURBINE 'hill 3'", "1 to 64 letters")),
+        (("start", "hill-3"), ("--operator is missing",)),
+        (("start", "hill-3", "--operator", "ada"), ("--rotor-locked is missing",)),
+        (("router", "--keys", "keys", "--remote", "foo"), ("--remote 'foo'", "tls/HOST:PORT")),
         (("console", "--router", "nowhere"), ("--router", "nowhere", "tls/HOST:PORT")),
         (("watch", "--all", "--router", "nowhere"), ("--router", "nowhere")),
         (("serve", "--set", "bus.listen=nowhere"), ("bus.listen", "nowhere")),
@@ -68,6 +88,40 @@ def test_what_cannot_be_meant_is_told_with_place_and_key(run, words, named):
     assert len(result.stderr.splitlines()) == 1
     for word in named:
         assert word in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [
+        (("simulate", "dmo"), 2),
+        (("verify", "kept"), 2),
+        (("estimate", "nowhere.npz"), 2),
+        (("status", "--router", "tcp/127.0.0.1:1"), 5),
+    ],
+)
+def test_who_asked_for_json_is_told_a_mistake_as_one_object_too(run, words, code):
+    result = run(*words, "--json")
+    told = json.loads(result.stdout)
+    assert told["ok"] is False
+    assert told["exit_code"] == result.exit_code == code
+    assert result.stderr == f"error: {told['error']}\n"
+    # The next command of the same process was not asked to.
+    assert run("verify", "kept").stdout == ""
+
+
+@pytest.mark.parametrize(("variable", "value"), [("NO_COLOR", "1"), ("TERM", "dumb")])
+def test_a_terminal_without_colours_is_sent_none(run, monkeypatch, variable, value):
+    assert "\x1b" in run("simulate", "dmo", color=True).stderr
+    monkeypatch.setenv(variable, value)
+    assert "\x1b" not in run("simulate", "dmo", color=True).stderr
+
+
+def test_the_packaged_scenarios_are_listed_with_what_they_are(run):
+    result = run("simulate", "--list")
+    assert result.exit_code == 0
+    told = dict(line.split(maxsplit=1) for line in result.stdout.splitlines())
+    assert "all twelve sides" in told["full"]
+    assert "LiDAR falls silent" in told["faults/lidar-stops"]
 
 
 @pytest.mark.parametrize("words", [("simulate", "--nothing"), ("fly",), ("start",)])
