@@ -34,8 +34,9 @@ CORRIDOR_M = 6.0
 #: Within this of the model, or of the tower's axis while there is none, is near the turbine.
 NEAR_M = 25.0
 POSITION_STALE_S = 0.5
-#: A point of the scan, placed by the pose of its moment, may be so much farther than the surface.
-POINT_ERROR_M = 0.15
+#: A point stands for the returns of a voxel of 0.5 m: past its middle the surface may come nearer
+#: by half of that, at a blade's tip or edge.
+POINT_ERROR_M = 0.25
 RETREAT_MPS = 0.5
 #: A setpoint that leads no farther moves nothing.
 STILL_M = 0.05
@@ -141,7 +142,7 @@ class Guard:
         if reason:
             return self._answer(command, hold, reason, True, near)
         if near.nearest_m < self._bounds.min_clearance_m:
-            if near.moves_outward(trimmed):
+            if near.moves_outward(trimmed, self._bounds.min_clearance_m):
                 return self._answer(command, trimmed, trim, False, near)
             retreat = near.retreat(hold)
             return self._answer(command, retreat, "nearer than the clearance", True, near)
@@ -210,7 +211,8 @@ class Guard:
         """Near the turbine nothing moves on old scans, except outward along the known way."""
         scan, oldest_s = observation.clearance, observation.now_s - self._bounds.scan_hold_s
         fresh = scan is not None and not scan.repeated and scan.stamp_s >= oldest_s
-        if fresh or not near.is_near or (leaving and near.moves_outward(setpoint)):
+        least_m = self._bounds.min_clearance_m
+        if fresh or not near.is_near or (leaving and near.moves_outward(setpoint, least_m)):
             return ""
         still = float(np.linalg.norm(_rest(setpoint) - here)) < STILL_M
         known_way = leaving and near.on_corridor(_rest(setpoint))
@@ -324,21 +326,20 @@ class _Near:
             inside = float(np.linalg.norm(to_hub)) < airspace.sphere_radius_m
             self.is_near = self.is_near or inside or beside_tower
 
-    def clearance(self, places: Float) -> Float:
-        """Return the clearance (K,) at places (K, 3)."""
-        least = np.full(len(places), math.inf)
+    def clearance(self, places: Float) -> tuple[float, float]:
+        """Return the least clearance of places (K, 3) to the points, and to the model."""
+        to_points = to_model = math.inf
         if len(self._points):
             apart = places[:, None, :] - self._points[None, :, :]
-            least = np.sqrt(np.einsum("knc,knc->kn", apart, apart).min(axis=1)) - POINT_ERROR_M
+            nearest_sq = float(np.einsum("knc,knc->kn", apart, apart).min())
+            to_points = math.sqrt(nearest_sq) - POINT_ERROR_M - self._radius
         if self._model is not None:
-            least = np.minimum(least, self._model.distance(places - self._drift))
-        return least - self._radius
+            to_model = float(self._model.distance(places - self._drift).min()) - self._radius
+        return to_points, to_model
 
     def path_clearance(self, setpoint: Setpoint) -> float:
         """Return the least clearance from here over the setpoint to where the vehicle rests."""
-        position, rest = np.array(setpoint.position_w), _rest(setpoint)
-        places = np.stack([position, (position + rest) / 2, rest])
-        return float(self.clearance(places).min())
+        return min(self.clearance(_way(setpoint)))
 
     def path_is_clear(self, setpoint: Setpoint, clearance_m: float) -> bool:
         """Return whether the whole way keeps a clearance.
@@ -351,12 +352,16 @@ class _Near:
             return True
         return self.path_clearance(setpoint) >= clearance_m
 
-    def moves_outward(self, setpoint: Setpoint) -> bool:
-        """Return whether the setpoint nowhere comes nearer to anything than the vehicle is."""
-        rest = _rest(setpoint)
-        if float(np.linalg.norm(rest - self._here)) < 1e-3:
+    def moves_outward(self, setpoint: Setpoint, clearance_m: float) -> bool:
+        """Return whether the setpoint nowhere comes nearer to anything than the vehicle is.
+
+        The model is inflated: nearer to it than to the points, the clearance to these is kept too.
+        """
+        if float(np.linalg.norm(_rest(setpoint) - self._here)) < 1e-3:
             return False
-        return self.path_clearance(setpoint) >= self.nearest_m - 1e-3
+        now, then = self.clearance(self._here[None]), self.clearance(_way(setpoint))
+        kept = all(b >= min(a, clearance_m) - 1e-3 for a, b in zip(now, then, strict=True))
+        return kept and min(then) >= self.nearest_m - 1e-3
 
     def on_corridor(self, place: Float) -> bool:
         """Return whether a place lies on a way that the plan found clear."""
@@ -376,6 +381,12 @@ class _Near:
 def _rest(setpoint: Setpoint) -> Float:
     """Return where a vehicle that obeys the setpoint for ever comes to rest."""
     return np.array(setpoint.position_w) + REST_S * np.array(setpoint.velocity_w)
+
+
+def _way(setpoint: Setpoint) -> Float:
+    """Return places (3, 3) from the setpoint to where the vehicle comes to rest."""
+    position, rest = np.array(setpoint.position_w), _rest(setpoint)
+    return np.stack([position, (position + rest) / 2, rest])
 
 
 def _within(place: Float, points: Float, reach_m: float) -> bool:

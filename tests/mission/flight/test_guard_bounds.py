@@ -572,3 +572,19 @@ def test_the_least_of_points_and_model_counts(model):
     point = around((here[0] - 9.0 - RADIUS, 0.0, 50.0))
     guarded = check(command(here), observe(here), point, airspace(model=model))
     assert guarded.clearance_m == pytest.approx(9.0)
+
+
+@pytest.mark.parametrize(("clearance", "passes"), [(8.05, False), (9.0, True)])
+def test_the_way_out_of_the_models_reach_leads_not_too_near_to_what_is_seen(
+    model, clearance, passes
+):
+    """The model is inflated: nearer to it than 8 m, points at 8 m bind all the same."""
+    here = before_the_hub(model, 7.5)
+    seen = around((here[0] - clearance - RADIUS, here[1], here[2]))
+    out = command((here[0] - 0.4, *here[1:]))
+    guarded = check(out, observe(here), seen, airspace(model=model))
+    assert guarded.refused is not passes
+    if not passes:
+        held = guarded.command.setpoint
+        assert held.position_w == tuple(here)
+        assert held.velocity_w == (0.0, 0.0, 0.0)
