@@ -13,7 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -26,7 +26,7 @@ from drivers.free_port import free_port
 from mission.flight.command import TERMINAL, MissionState
 from mission.processes.runtime import CLOCK_FILE, SETTINGS_FILE
 from mission.remote.client import Client, NoReply
-from mission.remote.messages import EventMessage, RecordedMessage, StateMessage
+from mission.remote.messages import EventMessage, RecordedMessage, Reply, StateMessage
 
 READY_TIMEOUT_S = 90.0
 START_TIMEOUT_S = 30.0
@@ -361,39 +361,39 @@ def _to_its_end(
 
 
 def _resume(daemon: Daemon, client: Client, folder: Path) -> None:
-    deadline = time.monotonic() + START_TIMEOUT_S
-    text = ""
-    while time.monotonic() < deadline:
-        daemon.check()
-        try:
-            reply = client.resume(folder.name, operator="simulated operator", rotor_locked=True)
-        except NoReply as error:
-            text = str(error)
-        else:
-            if reply.ok:
-                return
-            text = reply.text
-        time.sleep(0.2)
-    raise SimulationFailed(f"the daemon did not take up {folder.name} again: {text}")
+    def ask() -> Reply:
+        return client.resume(folder.name, operator="simulated operator", rotor_locked=True)
+
+    _until_taken(daemon, ask, f"take up {folder.name} again", comes_yet=None)
 
 
 def _start(daemon: Daemon, client: Client, site: Site) -> Path:
+    def ask() -> Reply:
+        return client.start(site.name, operator="simulated operator", rotor_locked=True)
+
+    return Path(_until_taken(daemon, ask, "take the mission", comes_yet=_COMES_YET).mission_dir)
+
+
+def _until_taken(
+    daemon: Daemon, ask: Callable[[], Reply], what: str, *, comes_yet: Collection[str] | None
+) -> Reply:
+    """Ask until the daemon does it; ``comes_yet``: the refusals to wait through (None: all)."""
     deadline = time.monotonic() + START_TIMEOUT_S
     text = ""
     while time.monotonic() < deadline:
         daemon.check()
         try:
-            reply = client.start(site.name, operator="simulated operator", rotor_locked=True)
+            reply = ask()
         except NoReply as error:
             text = str(error)
         else:
             if reply.ok:
-                return Path(reply.mission_dir)
+                return reply
             text = reply.text
-            if reply.code not in _COMES_YET:
+            if comes_yet is not None and reply.code not in comes_yet:
                 break
         time.sleep(0.2)
-    raise SimulationFailed(f"the daemon did not take the mission: {text}")
+    raise SimulationFailed(f"the daemon did not {what}: {text}")
 
 
 def _ended(watcher: Watcher, folder: Path, flight: int) -> bool:
