@@ -36,7 +36,7 @@ from perception.rotor_fit_kernel import Prior, Shape
 from perception.rotor_prior import parameter_prior, sections_of, station_columns
 from perception.rotor_skeleton import straighten
 from perception.rotor_solver import RotorSolver
-from perception.tower_reference import tower_reference
+from perception.tower_reference import tower_reference, without_tower
 from perception.values import Float
 
 MIN_POINTS = 60
@@ -225,6 +225,10 @@ def _fit(
         if attempt > 0 and np.abs(moved[: kernel.CONE]).max() < STILL:
             break
         params[: kernel.CONE] = 0.0
+        if attempt == 0:
+            # A blade that hangs before the tower is not to be measured on it.
+            tower = tower_reference(points, hub, normal, down, model.radius_m)
+            points = points if tower is None else without_tower(points, hub, tower)
     system, _, residuals = solver.last(moved)
     covariance = np.asarray(np.linalg.inv(system), np.float64)
     worst = misfits(solver, residuals)

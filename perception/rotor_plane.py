@@ -35,13 +35,17 @@ def fit_rotor_plane(
     viewpoint_w: Float,
     *,
     threshold_m: float,
-    max_lean_deg: float = 20.0,
+    ahead_w: Float | None = None,
+    max_turn_deg: float = 180.0,
+    lean_deg: tuple[float, float] = (-20.0, 20.0),
     min_inliers: int = 60,
 ) -> RotorPlane | None:
     """Return the plane that holds the most points, None where none is upright and full enough.
 
     ``points_w``: (N, 3) P_a, world metres; ``viewpoint_w``: (3,) p_d; ``threshold_m``: distance
-    of an inlier; ``max_lean_deg``: of the normal out of the level (tilt is about 5).
+    of an inlier; ``ahead_w``: (3,) where the drone looks, the points' middle if not told: v_n lies
+    within ``max_turn_deg`` of it, seen from above, and within ``lean_deg`` of the level: negative
+    where the rotor's top leans back.
     """
     if len(points_w) < min_inliers:
         return None
@@ -51,33 +55,50 @@ def fit_rotor_plane(
     if len(points) > JUDGES:
         judges = points[rng.choice(len(points), JUDGES, replace=False, shuffle=False)]
     triples = rng.integers(0, len(judges), (HYPOTHESES, 3))
-    steepest = math.sin(math.radians(max_lean_deg))
-    normal, offset, most = _most_supported(judges, triples, steepest, threshold_m)
+    towards = (points.mean(axis=0) - viewpoint_w if ahead_w is None else ahead_w)[:2]
+    level = towards / max(float(np.linalg.norm(towards)), 1e-9)
+    low, high = np.sin(np.deg2rad(lean_deg))
+    limits = np.array([*level, math.cos(math.radians(max_turn_deg)), low, high])
+    normal, offset, most = _most_supported(judges, triples, limits, threshold_m)
     if most < 0:
         return None
     for _ in range(ROUNDS):
         inliers, centre, spread = _gathered(points, normal, offset, threshold_m)
         if inliers < min_inliers:
             return None
-        normal = np.ascontiguousarray(np.linalg.eigh(spread)[1][:, 0])
-        offset = float(centre @ normal)
+        refined = np.ascontiguousarray(np.linalg.eigh(spread)[1][:, 0])
+        refined *= 1.0 if refined @ normal > 0 else -1.0
+        if not _allowed(refined[0], refined[1], refined[2], limits):
+            break
+        normal, offset = refined, float(centre @ refined)
     inliers, centre, _ = _gathered(points, normal, offset, threshold_m)
-    if abs(normal[2]) > steepest:
-        return None
     if normal @ (centre - viewpoint_w) < 0:
         normal = -normal
     return RotorPlane(centre, normal, inliers)
 
 
 @compiled
+def _allowed(a: float, b: float, c: float, limits: Float) -> bool:
+    """Return whether a unit normal that points ahead is one of a rotor's.
+
+    ``limits``: x, y of the level unit direction ahead, cosine of the most turn from it, sines of
+    the least and the most lean.
+    """
+    level = math.sqrt(a * a + b * b)
+    ahead = a * limits[0] + b * limits[1]
+    inside: bool = limits[3] < c < limits[4] and ahead >= limits[2] * level
+    return inside
+
+
+@compiled
 def _most_supported(
-    judges: Float, triples: Int64, steepest: float, threshold: float
+    judges: Float, triples: Int64, limits: Float, threshold: float
 ) -> tuple[Float, float, int]:
-    """Return normal (3,) and offset of the upright plane through three judges with most near it.
+    """Return normal (3,) and offset of the plane through three judges with the most of them near.
 
-    And how many those are, -1 where no three judges span an upright plane.
+    And how many those are, -1 where no three judges span a plane within the limits.
 
-    ``judges``: (N, 3); ``triples``: (K, 3) their numbers; ``steepest``: sine of the most lean.
+    ``judges``: (N, 3); ``triples``: (K, 3) their numbers; ``limits``: as of `_allowed`.
     """
     normal, offset, most = np.zeros(3), 0.0, -1
     for t in range(len(triples)):
@@ -88,8 +109,10 @@ def _most_supported(
         # A sliver of a triangle knows no normal.
         if size <= 1.0 or x[0] * x[0] + x[1] * x[1] + x[2] * x[2] <= 1.0:
             continue
+        if a * limits[0] + b * limits[1] < 0.0:
+            size = -size
         a, b, c = a / size, b / size, c / size
-        if abs(c) >= steepest:
+        if not _allowed(a, b, c, limits):
             continue
         d = a * p[0] + b * p[1] + c * p[2]
         count = 0

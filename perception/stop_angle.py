@@ -46,6 +46,9 @@ DOWN_W: Float = np.array([0.0, 0.0, -1.0])
 NEAREST_M = 9.0
 #: Blades are looked for this far round the prior hub.
 REACH_M = 20.0
+#: v_n lies so near the line from p_d to p_h^0, seen from above, and out of the level: a rotor leans
+#: back. Without these a plane through the tower and the edges of feathered blades holds the most.
+MAX_TURN_DEG, LEAN_DEG = 25.0, (-13.0, 5.0)
 #: Clouds that M_g is made of, and how far the hub may move before it is begun anew.
 MOST_CLOUDS = 8
 ANEW_M = 4.0
@@ -93,7 +96,14 @@ class FermatEstimator:
         if len(points) < 60:
             return self._refuse(RefusalCode.NO_POINTS, f"{len(points)} points near the prior hub")
         viewpoint = origins.mean(axis=0)
-        plane = fit_rotor_plane(points, viewpoint, threshold_m=self._settings.plane_threshold_m)
+        plane = fit_rotor_plane(
+            points,
+            viewpoint,
+            threshold_m=self._settings.plane_threshold_m,
+            ahead_w=prior_hub_w - viewpoint,
+            max_turn_deg=MAX_TURN_DEG,
+            lean_deg=LEAN_DEG,
+        )
         if plane is None:
             return self._refuse(RefusalCode.NO_PLANE, "no upright plane holds the points")
         hub_before = self._hub_before(prior_hub_w)

@@ -34,6 +34,8 @@ FORMAL_FACTOR = 0.65
 GATE = 6.0
 """Sigmas of gravity that a tower may stand off it and still be one."""
 ITERATIONS = 12
+SKIN_M = 0.4
+"""What lies so near the tower's surface is the tower: ranges err, and so does the cone."""
 #: Of x0, lean x, y0, lean y, radius and taper: near vertical, size and taper of real towers.
 PRIOR_MEAN = np.array([0.0, 0.0, 0.0, 0.0, 1.6, 0.01])
 PRIOR_SIGMA = np.array([3e4, 0.05, 3e4, 0.02, 0.6, 0.006])
@@ -51,6 +53,10 @@ class TowerReference:
     """Of the axis across the line of sight."""
     length_m: float
     points: int
+    axes: Float
+    """(3, 3) unit rows: to the right, back, down."""
+    cone: Float
+    """(6,) x0, lean x, y0, lean y, radius, taper: of the axis below the hub, along the rows."""
 
 
 def tower_reference(
@@ -96,7 +102,32 @@ def tower_reference(
     direction = down_w + weight * lean_x * axes[0]
     direction = direction / np.linalg.norm(direction)
     blended = math.sqrt(weight) * sigma
-    return TowerReference(direction, blended, length, int(kept.sum()))
+    return TowerReference(direction, blended, length, int(kept.sum()), axes, params)
+
+
+def without_tower(points_w: Float, hub_w: Float, tower: TowerReference) -> Float:
+    """Return the points (M, 3) that are not on or in the tower, as it stands below ``hub_w``."""
+    points = np.ascontiguousarray(points_w)
+    kept = np.empty_like(points)
+    return kept[: _off_cone(points, hub_w, tower.axes, tower.cone, kept)]
+
+
+@compiled
+def _off_cone(points: Float, hub: Float, axes: Float, cone: Float, out: Float) -> int:
+    """Write the points (N, 3) that are not within a little of the cone; return how many."""
+    used = 0
+    for n in range(len(points)):
+        a, b, c = points[n, 0] - hub[0], points[n, 1] - hub[1], points[n, 2] - hub[2]
+        z = a * axes[2, 0] + b * axes[2, 1] + c * axes[2, 2]
+        if z > 0.0:
+            x = a * axes[0, 0] + b * axes[0, 1] + c * axes[0, 2] - cone[0] - cone[1] * z
+            y = a * axes[1, 0] + b * axes[1, 1] + c * axes[1, 2] - cone[2] - cone[3] * z
+            reach = cone[4] + cone[5] * z + SKIN_M
+            if x * x + y * y < reach * reach:
+                continue
+        out[used, 0], out[used, 1], out[used, 2] = points[n, 0], points[n, 1], points[n, 2]
+        used += 1
+    return used
 
 
 def _prior(turbine: Turbine | None) -> tuple[Float, Float]:

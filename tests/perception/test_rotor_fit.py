@@ -61,6 +61,15 @@ def test_a_known_shape_gives_the_pitch_of_each_blade(scene):
         assert blade.pitch_deg == pytest.approx(scene.pitch_deg[k], abs=6.0)
 
 
+@pytest.mark.parametrize("seed", [424, 428])
+def test_a_blade_before_the_tower_is_not_measured_on_it(seed):
+    drawn = make_scene(seed)
+    rotor = _fit(drawn, turbine=drawn.turbine)
+    for blade, angle in zip(rotor.blades, blade_angles_deg(rotor.stop_angle_deg), strict=True):
+        k = round((angle - drawn.stop_angle_deg) / 120.0) % 3
+        assert blade.pitch_deg == pytest.approx(drawn.pitch_deg[k], abs=6.0)
+
+
 def test_blades_are_named_and_point_where_their_names_say(scene):
     rotor = _fit(scene)
     assert [b.name for b in rotor.blades] == ["A", "B", "C"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from perception.rotor import angle_of
-from perception.tower_reference import tower_reference
+from perception.tower_reference import tower_reference, without_tower
 
 NORMAL = np.array([0.0, 1.0, 0.0])
 DOWN = np.array([0.0, 0.0, -1.0])
@@ -51,3 +51,15 @@ def test_a_short_piece_is_not_believed():
     piece = _tower(0.0, (-75, 75))
     piece = piece[piece[:, 2] > -6.0]
     assert tower_reference(piece, np.zeros(3), NORMAL, DOWN, RADIUS_M) is None
+
+
+def test_what_hangs_before_the_tower_is_told_from_it():
+    rng = np.random.default_rng(2)
+    tower = _tower(0.4, (-75, 75))
+    blade = rng.uniform((-0.4, -0.8, -30.0), (0.4, 1.6, -3.0), (500, 3))
+    both = np.concatenate([tower, blade])
+    found = tower_reference(both, np.zeros(3), NORMAL, DOWN, RADIUS_M)
+    assert found is not None
+    kept = without_tower(both, np.zeros(3), found)
+    assert len(kept) == pytest.approx(len(blade), abs=10)
+    assert kept[:, 1].max() < 1.65
