@@ -12,6 +12,8 @@ RETRY_S = 4.0
 TRIES = 3
 STREAM_S = 1.0
 OFFBOARD_S = 5.0
+#: A vehicle that has hovered so long, so high, has taken off, however low that is.
+HOVERS_S, LOWEST_M, STILL_MPS = 4.0, 2.0, 0.2
 
 
 class Takeoff:
@@ -23,6 +25,7 @@ class Takeoff:
         self._asked_s: float | None = None
         self._asked: Action | None = None
         self._tries = 0
+        self._still_s: float | None = None
 
     def resume(self, _flight: Flight) -> None:
         """The autopilot flies this phase: nothing to find again."""
@@ -34,6 +37,9 @@ class Takeoff:
         home = flight.home_w or vehicle.position_w
         risen = vehicle.position_w[2] - home[2]
         if vehicle.armed and vehicle.in_air and risen > 0.9 * height - 0.3:
+            return Intent("airborne", then=Engage(Ascend()))
+        if vehicle.armed and vehicle.in_air and risen > LOWEST_M and self._hovers(flight):
+            flight.note("takeoff", f"the autopilot ended its climb at {risen:.1f} m")
             return Intent("airborne", then=Engage(Ascend()))
         wanted = Action.TAKEOFF if vehicle.armed else Action.ARM
         words = f"taking off: {risen:.1f} of {height:.0f} m" if vehicle.armed else "arming"
@@ -50,6 +56,15 @@ class Takeoff:
         self._asked_s = flight.now_s
         self._tries += 1
         return Intent(words, action=wanted, takeoff_height_m=height)
+
+    def _hovers(self, flight: Flight) -> bool:
+        """Return whether the climb ended a while ago: some take off to a height of their own."""
+        if flight.vehicle.velocity_w[2] > STILL_MPS:
+            self._still_s = None
+            return False
+        if self._still_s is None:
+            self._still_s = flight.now_s
+        return flight.now_s - self._still_s > HOVERS_S
 
 
 class Engage:
