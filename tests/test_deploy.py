@@ -10,6 +10,7 @@ from typer.main import get_command
 
 from config.sources import scenario_path
 from mission.cli.main import app
+from tests.system.readme_mission import MOST, lines_of, stays
 
 ROOT = Path(__file__).parents[1]
 WORKFLOW = (ROOT / "deploy" / "ci" / "missions.yml").read_text()
@@ -68,3 +69,20 @@ def test_the_dockerfile_copies_every_package_and_the_proof_knows_each_of_its_ste
     assert {keyword for keyword, _ in steps} <= known | {"VOLUME", "STOPSIGNAL"}
     # Not root, and by a number that every host knows.
     assert [rest for keyword, rest in steps if keyword == "USER"] == ["10001"]
+
+
+def test_the_readmes_remote_mission_takes_fewer_than_ten_commands_and_each_is_understood():
+    lines = lines_of((ROOT / "README.md").read_text())
+    assert len(lines) < MOST
+    commands = [shlex.split(line)[1:] for line in lines if line.startswith("bladescout ")]
+    for words in commands:
+        understood(words)
+    assert [words[0] for words in commands if stays(shlex.join(["bladescout", *words]))] == [
+        "field",
+        "serve",
+        "console",
+    ]
+    # Whoever starts comes by TLS, with a certificate that the second command made.
+    start = understood(next(words for words in commands if words[0] == "start"))
+    assert start["router"].startswith("tls/")
+    assert start["keys"] == "keys/ada"
