@@ -14,6 +14,7 @@ import contextlib
 import json
 import math
 import random
+import shutil
 import signal
 import sys
 import tempfile
@@ -135,7 +136,18 @@ def fly(folder, seed, kills, way, draw):
         truth = rig.finish()
         told["clearance_m"] = round(truth["min_clearance_m"], 2)
         told |= photos_of(rig.mission_dir)
+        if told["state"] != MissionState.COMPLETED:
+            told["last"] = last_words(rig.mission_dir)
     return told
+
+
+def last_words(folder, count=15):
+    """Return the end of a mission's event log: what a flight that did not complete met."""
+    lines = (folder / "events.jsonl").read_text().splitlines()[-count:]
+    return [
+        f"{event['mission_s']:.1f} {event['name']}: {event['text']}"
+        for event in map(json.loads, lines)
+    ]
 
 
 def photos_of(folder):
@@ -192,6 +204,7 @@ def main() -> int:
     parser.add_argument("--kills", type=int, default=10)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--way", choices=("air", "pilot"), default="air")
+    parser.add_argument("--keep", type=Path, help="folder that a bad mission's files are put in")
     options = parser.parse_args()
     draw, done, results = random.Random(options.seed), 0, []
     while done < options.kills:
@@ -199,19 +212,23 @@ def main() -> int:
         seed = options.seed + len(results)
         with tempfile.TemporaryDirectory(prefix="bladescout-kill-") as name:
             result = fly(Path(name), seed, wanted, options.way, draw)
+            if options.keep and not good(result):
+                shutil.copytree(name, options.keep / str(seed), symlinks=True)
         done += len(result["kills"])
         results.append(result)
         sys.stdout.write(json.dumps(result) + "\n")
         sys.stdout.flush()
-    good = [
-        one for one in results
-        if one["state"] == MissionState.COMPLETED and not one["lost"] and not one["twice"]
-    ]  # fmt: skip
+    completed = sum(good(one) for one in results)
     sys.stdout.write(
-        f"seed {options.seed}: {done} kills in {len(results)} missions, {len(good)} completed "
+        f"seed {options.seed}: {done} kills in {len(results)} missions, {completed} completed "
         f"with no photo lost and none twice\n"
     )
-    return 0 if len(good) == len(results) else 1
+    return 0 if completed == len(results) else 1
+
+
+def good(result):
+    """Return whether a mission was completed with nothing lost and nothing flown twice."""
+    return result["state"] == MissionState.COMPLETED and not result["lost"] + result["twice"]
 
 
 if __name__ == "__main__":

@@ -93,7 +93,8 @@ class Track:
             self._finish_leg(flight)
             self._at_once = None
             return Intent("no way ahead", setpoint=flight.hold())
-        if self._running:
+        # After a hold there may be no photo left to fly to, only the camera's word to wait for.
+        if self._running or not self._shooter.left:
             return self._run(flight, self._leg, self._shooter)
         return self._transit(flight, self._leg, self._shooter)
 

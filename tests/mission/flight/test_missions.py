@@ -207,6 +207,29 @@ def test_a_short_loss_of_the_lidar_holds_and_goes_on_at_the_same_metre(base):
     assert flight.machine.state is MissionState.COMPLETED
 
 
+def test_a_hold_between_the_last_photo_of_a_leg_and_its_confirmation_ends_the_leg(base):
+    kept, flown = base
+    flight = copy.deepcopy(kept[Phase.TRACK])
+    last = [0.0]
+
+    def storing(flight, observation):
+        camera = observation.camera
+        if camera is not None and last[0] and flight.now_s < last[0] + 2.5:
+            camera = dataclasses.replace(camera, last_photo_id=taken - 1)
+            observation = dataclasses.replace(observation, camera=camera)
+            return silent_lidar(last[0], last[0] + 0.8)(flight, observation)
+        return observation
+
+    flight.hook = storing
+    while flight.machine._phase._shooter.left:
+        flight.one_tick(flown)
+    taken, last[0] = flown.photos[-1].photo_id, flight.now_s
+    sent(flight, flown, 0.9)
+    assert flight.machine.phase is Phase.HOLD
+    flight.run(400.0)
+    assert flight.machine.state is MissionState.COMPLETED
+
+
 def test_a_lost_lidar_sends_it_home(base):
     kept, _ = base
     flight = copy.deepcopy(kept[Phase.TRACK])
