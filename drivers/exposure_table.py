@@ -7,12 +7,16 @@ a pair of them, as short as the flight wishes and with as little gain as that le
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 #: What a camera without a list is taken to have: thirds of an EV, and full ones.
 USUAL_SHUTTERS_S = tuple(2.0 ** (-k / 3.0) for k in range(39, 17, -1))
 USUAL_ISOS = (100.0, 200.0, 400.0, 800.0, 1600.0)
+#: Steps that cameras have, the finest first; thirds are often told rounded to a tenth.
+USUAL_STEPS_EV = (1 / 3, 1 / 2, 1.0)
+#: An EV read back is what was asked for within this.
+SAME_EV = 0.02
 #: Two pairs nearer than this are one exposure.
 _SAME_EV = 0.05
 
@@ -56,6 +60,35 @@ class ExposureTable:
 def table_of_evs(name: str, evs: Sequence[float]) -> ExposureTable:
     """Return the table of a camera that lists its EVs."""
     return ExposureTable(tuple(Exposure(ev, ((name, ev),)) for ev in sorted(set(evs))))
+
+
+def table_that_fits(
+    name: str, answers: Mapping[float, float], ends: tuple[float, float]
+) -> ExposureTable | None:
+    """Return the finest usual series that explains what a camera made of wishes, None: none does.
+
+    ``answers``: by wish the EV that it applied, rounded to its nearest; ``ends``: lowest, highest.
+    """
+    low, high = ends
+    for series in _usual_series():
+        table = table_of_evs(name, [ev for ev in series if low - SAME_EV <= ev <= high + SAME_EV])
+        rounded = (_rounds(series, wish, applied) for wish, applied in answers.items())
+        if table.exposures and all(rounded):
+            return table
+    return None
+
+
+def _rounds(series: Sequence[float], wish: float, applied: float) -> bool:
+    nearest = min(abs(ev - wish) for ev in series)
+    known = any(abs(ev - applied) < SAME_EV for ev in series)
+    return known and abs(applied - wish) < nearest + SAME_EV
+
+
+def _usual_series() -> Iterator[tuple[float, ...]]:
+    for step in USUAL_STEPS_EV:
+        exact = tuple(k * step for k in range(-round(6 / step), round(6 / step) + 1))
+        yield exact
+        yield tuple(round(ev, 1) for ev in exact)
 
 
 def table_of_pairs(

@@ -23,12 +23,14 @@ from drivers.autopilot_wire import Wire
 from drivers.camera_definition import CameraDefinition, ParameterValues
 from drivers.clock import Clock
 from drivers.exposure_table import (
+    SAME_EV,
     USUAL_ISOS,
     USUAL_SHUTTERS_S,
     ExposureTable,
     pair_ev,
     table_of_evs,
     table_of_pairs,
+    table_that_fits,
 )
 
 _log = logging.getLogger(__name__)
@@ -40,7 +42,6 @@ _MANUAL = 1.0
 _RETRY_S = 2.0
 _LOOK_S = 0.2
 _SILENCES = 3
-_SAME_EV = 0.02
 
 
 class ExposureControl:
@@ -88,6 +89,8 @@ class ExposureControl:
         self._table: ExposureTable | None = None
         self._zero: tuple[float, float] | None = None
         """Shutter (s) and ISO that are EV 0, of a camera without EV."""
+        self._answers: dict[float, float] = {}
+        """By wish the EV that the camera applied, as far as it did not clamp."""
         self.refusals = 0
         """Wishes in a row that the camera refused or changed."""
 
@@ -115,7 +118,7 @@ class ExposureControl:
         return tuple(
             round(one.ev, 3)
             for one in listed
-            if self.min_ev - _SAME_EV <= one.ev <= self.max_ev + _SAME_EV
+            if self.min_ev - SAME_EV <= one.ev <= self.max_ev + SAME_EV
         )
 
     async def run(self) -> None:
@@ -147,7 +150,7 @@ class ExposureControl:
         if self.ev is None or wanted is None or wanted == self._tried:
             return
         self._tried = wanted
-        if abs(wanted - self.ev) >= _SAME_EV:
+        if abs(wanted - self.ev) >= SAME_EV:
             await self._apply(wanted)
 
     async def _learn(self) -> None:
@@ -225,17 +228,28 @@ class ExposureControl:
         if applied is None:
             raise Refused(f"EV {wanted:+.2f} was acknowledged but cannot be read back")
         self.ev, self.ev_stamp_s = applied, confirmed_s
-        if abs(applied - wanted) < _SAME_EV:
+        if abs(applied - wanted) < self.step_ev:
+            self._answers[wanted] = applied
+        if abs(applied - wanted) < SAME_EV:
             self.refusals = 0
             return
         self.refusals += 1
         if self.refusals == 1:
             _log.warning("exposure: the camera applied EV %+.2f for %+.2f", applied, wanted)
         # A camera that clamps has shown its limit; one that rounds, only its steps.
-        if applied < wanted - self.step_ev and applied > self.min_ev:
+        if abs(applied - wanted) < self.step_ev and self._zero is None:
+            self._learn_steps()
+        elif applied < wanted - self.step_ev and applied > self.min_ev:
             self.max_ev = applied
         elif applied > wanted + self.step_ev and applied < self.max_ev:
             self.min_ev = applied
+
+    def _learn_steps(self) -> None:
+        """Take the steps that explain what the camera made of wishes so far."""
+        table = table_that_fits(_EV, self._answers, (self.min_ev, self.max_ev))
+        if table is not None:
+            self._table, self.step_ev = table, table.step_ev
+            _log.info("exposure: the camera's steps seem to be of %.2f EV", table.step_ev)
 
     async def _applied(self) -> float | None:
         """Read back what the camera made of a wish."""

@@ -7,7 +7,7 @@ import pytest
 from drivers import payload_exposure
 from drivers.autopilot_errors import Refused
 from drivers.camera_definition import ParameterValues
-from drivers.exposure_table import table_of_evs, table_of_pairs
+from drivers.exposure_table import table_of_evs, table_of_pairs, table_that_fits
 from drivers.payload_exposure import ExposureControl
 
 
@@ -86,6 +86,36 @@ async def test_a_camera_without_a_file_is_asked_by_its_parameters(monkeypatch):
     values = {"CAM_EV": 0.0, "CAM_EV_MIN": -1.0, "CAM_EV_MAX": 1.0, "CAM_EV_STEP": 0.5}
     control = await told(monkeypatch, Camera(values), 3.0)
     assert (control.ev, control.max_ev) == (1.0, 1.0)
+
+
+async def test_a_camera_that_tells_nothing_and_rounds_shows_its_steps(monkeypatch):
+    halves = tuple(k / 2 for k in range(-6, 7))
+    camera = Camera({"CAM_EV": 0.0}, {"CAM_EV": halves})
+    control = await told(monkeypatch, camera, 1 / 3)
+    assert control.ev == 0.5
+    assert control.evs == halves
+    assert control.step_ev == 0.5
+    assert control.snap(0.8) == 1.0
+
+
+async def test_thirds_told_in_tenths_are_known_after_the_first_that_was_rounded(monkeypatch):
+    tenths = tuple(round(k / 3, 1) for k in range(-9, 10))
+    control = await told(monkeypatch, Camera({"CAM_EV": 0.0}, {"CAM_EV": tenths}), 2 / 3)
+    assert control.ev == 0.7
+    assert control.evs == tenths
+
+
+@pytest.mark.parametrize(
+    ("answers", "evs"),
+    [
+        ({1 / 3: 0.5, 0.5: 0.5}, (-1.0, -0.5, 0.0, 0.5, 1.0)),
+        ({2 / 3: 1.0, 0.5: 1.0}, (-1.0, 0.0, 1.0)),
+        ({1 / 3: 0.41}, None),
+    ],
+)
+def test_the_finest_usual_steps_that_explain_a_camera_are_taken(answers, evs):
+    table = table_that_fits("CAM_EV", answers, (-1.0, 1.0))
+    assert (None if table is None else tuple(one.ev for one in table.exposures)) == evs
 
 
 async def test_a_camera_without_ev_is_exposed_by_shutter_and_iso(monkeypatch):
