@@ -112,7 +112,7 @@ def fly(folder, seed, kills, way, draw):
     """Fly one mission, killed so many times; return what became of it."""
     told = {"seed": seed, "kills": []}
     sides = ("inspection.blades=A,B", "inspection.sides=PS,SS")
-    with Killed(folder, *sides, "simulation.sensors=bus", speed=3.0, seed=seed) as rig:
+    with Killed(folder, *sides, "simulation.sensors=bus", speed="auto", seed=seed) as rig:
         rig.start()
         flight = 1
         while True:

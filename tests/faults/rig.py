@@ -29,7 +29,9 @@ SMALL = (
 class Rig:
     """Field, daemon and client of one mission."""
 
-    def __init__(self, folder: Path, *overrides: str, speed: float = 1.0, seed: int = 1) -> None:
+    def __init__(
+        self, folder: Path, *overrides: str, speed: float | str = 1.0, seed: int = 1
+    ) -> None:
         scenario = Path(__file__).parents[2] / "config" / "scenarios" / "demo.toml"
         own = (
             f"simulation.speed={speed}",

@@ -354,6 +354,27 @@ def test_who_leaves_keeps_to_the_corridors_of_a_closed_sphere():
     assert check(command((0.3, 0.0, 50.0), phase=Phase.STAND_OFF), space=nowhere).refused
 
 
+@pytest.mark.parametrize(("drifted", "passes"), [(9.0, True), (0.0, False), (-9.0, False)])
+def test_the_plans_corridors_move_with_the_drift_of_the_position(drifted, passes):
+    corridor = np.array([[0.3 - 9.0, 0.0, 50.0]])
+    drift = np.array([drifted, 0.0, 0.0])
+    space = airspace(**SPHERE, open=True, corridor_w=corridor, drift_w=drift)
+    assert check(command((0.3, 0.0, 50.0)), space=space).refused is not passes
+
+
+@pytest.mark.parametrize(("drifted", "passes"), [(9.0, True), (0.0, False), (-9.0, False)])
+def test_the_known_way_out_moves_with_the_drift_of_the_position(drifted, passes):
+    known = airspace(
+        sphere_w=np.array([10.0, 0.0, 50.0]), sphere_radius_m=30.0, open=False,
+        corridor_w=np.array([[-0.3 - 9.0, 0.0, 50.0]]), drift_w=np.array([drifted, 0.0, 0.0]),
+    )  # fmt: skip
+    out = command((-0.3, 0.0, 50.0), phase=Phase.STAND_OFF)
+    # A point behind, so near that even the way out is no way outward.
+    behind = around((-12.0, 0.0, 50.0))
+    guarded = check(out, observe(scan_age=9.0), behind, known)
+    assert guarded.refused is not passes
+
+
 @pytest.mark.parametrize(("radius", "passes"), [(49.7, True), (49.7 + E, False)])
 def test_the_sphere_ends_at_its_radius(radius, passes):
     space = airspace(sphere_w=np.array([50.0, 0.0, 50.0]), sphere_radius_m=radius, open=False)
