@@ -98,7 +98,9 @@ class Killed(Rig):
             and state.progress.flight == flight
             and state.progress.state in TERMINAL
         )
-        return over and self.watcher.recorded is not None
+        # A flight process that died, and not by our hand, leaves a mission that nobody ends.
+        died = any(event.name == "flight_died" for event in self.events)
+        return died or (over and self.watcher.recorded is not None)
 
     def brought_home(self):
         """Let the pilot bring the vehicle home, and fit a charged battery."""
@@ -135,7 +137,8 @@ def fly(folder, seed, kills, way, draw):
         told |= {"state": str(state.state), "words": state.words, "flights": flight}
         truth = rig.finish()
         told["clearance_m"] = round(truth["min_clearance_m"], 2)
-        told |= photos_of(rig.mission_dir)
+        if (rig.mission_dir / "mission.json").exists():
+            told |= photos_of(rig.mission_dir)
         if told["state"] != MissionState.COMPLETED:
             told["last"] = last_words(rig.mission_dir)
     return told
@@ -228,7 +231,8 @@ def main() -> int:
 
 def good(result):
     """Return whether a mission was completed with nothing lost and nothing flown twice."""
-    return result["state"] == MissionState.COMPLETED and not result["lost"] + result["twice"]
+    completed = result["state"] == MissionState.COMPLETED and "lost" in result
+    return completed and not result["lost"] + result["twice"]
 
 
 if __name__ == "__main__":
