@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
 import logging
 import math
 import threading
@@ -93,6 +94,8 @@ class VideoStream:
         # Pictures come a little early or late; the next one would be half a period too late.
         self._period_s = 0.75 / rate_hz
         self._width_px = width_px
+        # Nothing is lost on its way, where the camera can.
+        self._transport = "tcp"
         self._stop = threading.Event()
         self._lock = threading.Lock()
         self._newest: _Decoded | None = None
@@ -170,6 +173,9 @@ class VideoStream:
                 reason = "the stream ended"
             except (av.error.FFmpegError, OSError, ValueError) as error:
                 reason = str(error) or type(error).__name__
+                if getattr(error, "errno", None) == errno.EPROTONOSUPPORT:
+                    # It does not send that way: some cameras know only one of the two.
+                    self._transport = "udp" if self._transport == "tcp" else "tcp"
             if self._stop.is_set():
                 return
             if self.decoded > decoded_before:
@@ -184,7 +190,7 @@ class VideoStream:
         with av.open(
             self._url,
             options={
-                "rtsp_transport": "tcp",
+                "rtsp_transport": self._transport,
                 "flags": "low_delay",
                 # Two pictures are enough to begin with. `nobuffer` would throw them away and
                 # with them the first key frame: seconds of nothing with a long key interval.

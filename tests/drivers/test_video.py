@@ -141,3 +141,22 @@ async def test_no_more_pictures_are_delivered_and_none_wider_than_wanted(
     assert got[-1].grey.shape == (120, 160)
     expected = coded(0)[:, WIDTH // 4 + 16 :].mean()
     assert abs(got[-1].grey[:, WIDTH // 8 + 8 :].mean() - expected) < 3.0
+
+
+async def test_a_camera_that_sends_by_udp_alone_is_read_by_udp(
+    server: RtspServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    agreed = RtspServer._set_up
+
+    def udp_alone(self: RtspServer, client: object, text: str) -> str | None:
+        return None if "TCP" in text else agreed(self, client, text)
+
+    monkeypatch.setattr(RtspServer, "_set_up", udp_alone)
+    stream = VideoStream(server.url, MonotonicClock())
+    got: list[Frame] = []
+    running = asyncio.create_task(stream.run(got.append))
+    await push(server, {}, 40)
+    running.cancel()
+    await asyncio.gather(push(server, {}, 3), running, return_exceptions=True)
+    assert len(got) > 5
+    assert got[-1].grey.shape == (HEIGHT, WIDTH)
