@@ -323,8 +323,8 @@ class Bus:
         return None
 
     def alive(self, timeout_s: float = 1.0) -> tuple[str, ...]:
-        """Return the names of the vehicles whose daemons are up (blocking)."""
-        replies = self._session.liveliness().get(self._prefix + Key.ALIVE, timeout=timeout_s)
+        """Return the names of all vehicles at the router whose daemons are up (blocking)."""
+        replies = self._session.liveliness().get(f"bladescout/*/{Key.ALIVE}", timeout=timeout_s)
         found = [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
         return tuple(sorted(name.split("/")[1] for name in found))
 

@@ -90,8 +90,10 @@ def read_roles(keys: Path) -> dict[str, Role]:
         table = tomllib.loads(path.read_text()).get("roles", {})
     except FileNotFoundError:
         return {}
-    except (OSError, ValueError) as error:
-        raise BadRoles(f"{path}: {error}") from error
+    except OSError as error:
+        raise BadRoles(f"{path} cannot be read: {error.strerror or error}") from error
+    except ValueError as error:
+        raise BadRoles(f"{path}: not valid TOML: {error}") from error
     roles: dict[str, Role] = {}
     for name, role in table.items():
         check_name(name)

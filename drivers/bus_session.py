@@ -12,6 +12,7 @@ from drivers.bus_access import (
     CA_FILE,
     CERTIFICATE_FILE,
     KEY_FILE,
+    ROLES_FILE,
     access_control,
     read_roles,
     size_limit,
@@ -56,7 +57,13 @@ def router_config(settings: BusSettings) -> zenoh.Config:
     }
     if settings.remote or settings.uplink:
         entries |= _tls(settings)
-        entries["access_control"] = access_control(read_roles(Path(settings.keys)))
+        roles = read_roles(Path(settings.keys))
+        if not roles:
+            raise BusNotSafe(
+                f"{Path(settings.keys) / ROLES_FILE} is missing, so nobody might ask: name a "
+                "folder that bladescout keys made for a vehicle or a router"
+            )
+        entries["access_control"] = access_control(roles)
         entries["low_pass_filter"] = size_limit()
     if settings.uplink:
         # The vehicle flies without the ground; it is joined whenever it is there.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -34,8 +35,10 @@ def keys(
     """Make certificates: FOLDER/NAME holds what NAME needs, FOLDER/ca.key stays where it is.
 
     An operator may do everything; a pilot-in-command may watch, hold, stop and abort; a viewer
-    may watch. What is there already is kept. The vehicles' folders get the newest list of who may
-    do what: copy them again after every change.
+    may watch. What is there already is kept.
+
+    The vehicles' folders get the newest list of who may do what: copy them again after every
+    change.
     """
     from drivers.bus_access import BadRoles, Role
     from drivers.certificates import BadCertificate
@@ -61,6 +64,29 @@ def keys(
         end(Exit.CONFIGURATION, f"{folder} cannot be written: {error.strerror or error}")
 
 
+def _check_changes(
+    folder: Path,
+    roles: Mapping[str, Role],
+    wanted: Mapping[str, tuple[Role, tuple[str, ...]]],
+    removed: set[str],
+) -> None:
+    """Refuse to remove whom nobody knows, and to make a person of a machine or the reverse.
+
+    Raises `drivers.bus_access.BadRoles`.
+    """
+    from drivers.bus_access import BadRoles, Role
+
+    unknown = sorted(removed - set(roles))
+    if unknown:
+        known = ", ".join(roles) or "nobody"
+        raise BadRoles(f"--remove {unknown[0]}: not in {folder} (there: {known})")
+    machines = (Role.VEHICLE, Role.ROUTER)
+    for name, (role, _) in wanted.items():
+        before = roles.get(name, role)
+        if before != role and (before in machines or role in machines):
+            raise BadRoles(f"{name!r} is a {before} already: choose another name for the {role}")
+
+
 def _make(
     folder: Path,
     wanted: dict[str, tuple[Role, tuple[str, ...]]],
@@ -84,14 +110,19 @@ def _make(
         for host in hosts:
             check_host(host)
     roles = read_roles(folder)
+    _check_changes(folder, roles, wanted, removed)
     if not (folder / CA_FILE).is_file():
         make_authority(folder, "bladescout site")
         typer.echo(f"{folder / CA_FILE}: the site's authority; its key never leaves this folder")
     for name, (role, hosts) in wanted.items():
+        if roles.get(name, role) != role:
+            typer.echo(f"{name}: {role} from now on, {roles[name]} before")
         there = (folder / name / CERTIFICATE_FILE).is_file()
         if not there or renew or hosts:
             issue(folder, folder / name, name, hosts)
             typer.echo(f"{folder / name}: {name}, {role}")
+            if role in (Role.VEHICLE, Role.ROUTER) and not hosts:
+                typer.echo(f"{name} has no address: write {name}=HOST, so that it can be reached")
         roles[name] = role
     for name in removed:
         if roles.pop(name, None) is not None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mission.cli.exits import Exit, end
-from mission.cli.remote_commands import DEFAULT_ROUTER, Keys, Router, reached
+from mission.cli.remote_commands import DEFAULT_ROUTER, Keys, Router, Vehicle, reached
 
 if TYPE_CHECKING:
     from mission.records.live_view import Log
@@ -18,8 +18,10 @@ if TYPE_CHECKING:
 def live(
     router: Router = DEFAULT_ROUTER,
     keys: Keys = "",
-    vehicle: Annotated[str, typer.Option(help="Whose.")] = "drone-1",
-    port: Annotated[int, typer.Option(help="Of this computer, for the viewer.")] = 8765,
+    vehicle: Vehicle = "drone-1",
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port of this computer, for the viewer.")
+    ] = 8765,
 ) -> None:
     """Serve everything that is recorded to viewers of this computer, until Ctrl-C.
 
@@ -28,7 +30,7 @@ def live(
     try:
         import foxglove
     except ImportError:
-        end(Exit.CONFIGURATION, "live needs foxglove-sdk: pip install 'bladescout[live]'")
+        end(Exit.CONFIGURATION, "live needs foxglove-sdk: pip install 'foxglove-sdk>=0.16'")
     from config.settings import Settings
     from drivers.bus import Bus
     from mission.records.live_view import LiveView

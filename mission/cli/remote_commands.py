@@ -184,10 +184,10 @@ def start(
     except ValidationError as error:
         mistyped(error, _OPTION_OF)
     with connect(vehicle, router, keys) as client:
-        _answered(lambda: client.send_start(checked), lambda reply: _show(reply, as_json))
+        _answered(client, lambda: client.send_start(checked), lambda reply: _show(reply, as_json))
 
 
-def _answered(ask: Callable[[], Reply], show: Callable[[Reply], None]) -> None:
+def _answered(client: Client, ask: Callable[[], Reply], show: Callable[[Reply], None]) -> None:
     from pydantic import ValidationError
 
     from mission.remote.client import NoReply
@@ -195,10 +195,18 @@ def _answered(ask: Callable[[], Reply], show: Callable[[Reply], None]) -> None:
     try:
         reply = ask()
     except NoReply as error:
-        end(Exit.DEVICE, str(error))
+        end(Exit.DEVICE, f"{client.vehicle}: {error}{_others(client)}")
     except ValidationError as error:
         mistyped(error, _OPTION_OF)
     show(reply)
+
+
+def _others(client: Client) -> str:
+    """Return which vehicles are there, where the one that was asked is not."""
+    there = client.vehicles()
+    if not there or client.vehicle in there:
+        return ""
+    return f" (--vehicle: {', '.join(there)})"
 
 
 def _plain(name: str, words: str) -> Callable[..., None]:
@@ -209,7 +217,7 @@ def _plain(name: str, words: str) -> Callable[..., None]:
         as_json: AsJson = False,
     ) -> None:
         with connect(vehicle, router, keys) as client:
-            _answered(getattr(client, name), lambda reply: _show(reply, as_json))
+            _answered(client, getattr(client, name), lambda reply: _show(reply, as_json))
 
     command.__doc__ = words
     return command
@@ -242,6 +250,7 @@ def resume(
     name = Path(mission).name
     with connect(vehicle, router, keys) as client:
         _answered(
+            client,
             lambda: client.resume(
                 name,
                 operator=operator,
@@ -274,7 +283,7 @@ def turbines(
             )
 
     with connect(vehicle, router, keys) as client:
-        _answered(client.turbines_reply, show)
+        _answered(client, client.turbines_reply, show)
 
 
 def status(
@@ -296,7 +305,7 @@ def status(
         Console().print(status_table(reply.state))
 
     with connect(vehicle, router, keys) as client:
-        _answered(client.status, show)
+        _answered(client, client.status, show)
 
 
 def mount(app: typer.Typer) -> None:

@@ -55,6 +55,7 @@ def serve(
                 end(Exit.CONFIGURATION, f"--clock {clock}: there is no such file")
             (run_dir / CLOCK_FILE).symlink_to(clock.resolve())
     configure_logging("serve", form=settings.service.logs)
+    _see_missions_dir(Path(settings.missions_dir))
     try:
         asyncio.run(_serve(settings, run_dir, leave_with_parent=runtime is not None))
     except (BusNotSafe, BadRoles) as error:
@@ -68,6 +69,22 @@ def serve(
     finally:
         if runtime is None:
             shutil.rmtree(run_dir, ignore_errors=True)
+
+
+def _see_missions_dir(folder: Path) -> None:
+    """Tell at once what would refuse every start; a disk that is mounted later mends it."""
+    import logging
+    import tempfile
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        logging.getLogger(__name__).error(
+            "missions_dir = %s cannot be written: %s: every start will be refused",
+            folder,
+            error.strerror or error,
+        )
 
 
 async def _serve(settings: Settings, run_dir: Path, *, leave_with_parent: bool) -> None:

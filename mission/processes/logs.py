@@ -61,6 +61,7 @@ def configure_logging(name: str, run_dir: Path | None = None, form: Form = "auto
     else:
         handler = logging.StreamHandler(sys.stderr)
     as_json = form == "json" or (form == "auto" and to_journal())
-    text = logging.Formatter("%(asctime)s %(levelname)s %(name)s %(message)s")
+    # The module that a process was started by is called __main__: the process says more.
+    text = logging.Formatter(f"%(asctime)s %(levelname)s {name}: %(message)s")
     handler.setFormatter(JsonLines(name) if as_json else text)
     logging.basicConfig(level=logging.INFO, handlers=[handler], force=True)

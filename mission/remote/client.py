@@ -70,6 +70,7 @@ class Client:
         settings = bus or bus_settings(router, keys)
         probe(settings.endpoint)
         self._who = own_name(settings)
+        self.vehicle = vehicle
         self._bus = Bus.open_client(settings, vehicle)
 
     def __enter__(self) -> Self:
@@ -147,6 +148,10 @@ class Client:
     def history(self) -> Reply:
         """Return what has happened so far: state, events, photos, rotor. Raises `NoReply`."""
         return self._plain("history")
+
+    def vehicles(self) -> tuple[str, ...]:
+        """Return the names of all vehicles at this router whose daemons are up."""
+        return self._bus.alive()
 
     def pause(self) -> Reply:
         """Hold where the vehicle is; `resume` goes on. Raises `NoReply`."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import logging
 import time
 from collections.abc import Callable
@@ -187,8 +188,12 @@ class Desk:
             return _refuse(Code.EXPIRED, "the request expired before it arrived")
         names = [info.name for info in self._turbines]
         if request.site not in names:
-            known = ", ".join(names) or "none is configured"
-            return _refuse(Code.UNKNOWN_TURBINE, f"no turbine {request.site!r}; known: {known}")
+            close = difflib.get_close_matches(request.site, names, n=1)
+            meant = f"; did you mean {close[0]!r}?" if close else ""
+            known = ", ".join(names) or "none is configured: add a [[sites]] table"
+            return _refuse(
+                Code.UNKNOWN_TURBINE, f"no turbine {request.site!r}{meant} (known: {known})"
+            )
         if not request.rotor_locked:
             return _refuse(Code.NOT_CONFIRMED, "confirm that the rotor is locked and yaw is off")
         state = self._history.state

@@ -68,3 +68,34 @@ def test_a_name_that_could_reach_elsewhere_is_refused(tmp_path):
 
 def test_one_name_has_one_role(tmp_path):
     assert keys(tmp_path, "--viewer", "a", "--operator", "a").exit_code == Exit.CONFIGURATION
+
+
+def test_a_machine_never_becomes_a_person_and_a_change_of_rights_is_told(tmp_path):
+    keys(tmp_path, *SITE)
+    for words in (("--operator", "heron"), ("--vehicle", "ada=192.168.1.6")):
+        refused = keys(tmp_path, *words)
+        assert refused.exit_code == Exit.CONFIGURATION
+        assert "already" in refused.stderr
+    assert read_roles(tmp_path / "heron")["heron"] is Role.VEHICLE
+    told = keys(tmp_path, "--operator", "eve")
+    assert "eve: operator from now on, viewer before" in told.stdout
+
+
+def test_who_is_not_there_cannot_be_removed(tmp_path):
+    keys(tmp_path, *SITE)
+    refused = keys(tmp_path, "--remove", "adda")
+    assert refused.exit_code == Exit.CONFIGURATION
+    assert "adda" in refused.stderr
+    assert "ada" in read_roles(tmp_path / "heron")
+
+
+def test_a_vehicle_without_an_address_is_told_that_it_needs_one(tmp_path):
+    assert "heron=HOST" in keys(tmp_path, "--vehicle", "heron").stdout
+
+
+def test_a_router_needs_the_folder_of_one_who_is_asked(tmp_path):
+    keys(tmp_path, *SITE)
+    words = ["router", "--keys", str(tmp_path / "ada"), "--listen", "tcp/127.0.0.1:1"]
+    refused = CliRunner().invoke(app, words)
+    assert refused.exit_code == Exit.CONFIGURATION
+    assert "roles.toml is missing" in refused.stderr

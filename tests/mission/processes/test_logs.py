@@ -3,7 +3,7 @@ import logging
 import os
 import sys
 
-from mission.processes.logs import JsonLines, to_journal
+from mission.processes.logs import JsonLines, configure_logging, to_journal
 
 
 def test_a_line_for_the_journal_is_its_priority_and_one_json_object():
@@ -32,3 +32,17 @@ def test_the_journal_is_known_by_its_stream(monkeypatch, tmp_path):
         assert to_journal({"JOURNAL_STREAM": f"{stat.st_dev}:{stat.st_ino}"})
         assert not to_journal({"JOURNAL_STREAM": f"{stat.st_dev}:{stat.st_ino + 1}"})
         assert not to_journal({})
+
+
+def test_a_line_names_its_process_even_where_a_module_is_called_main(tmp_path):
+    (tmp_path / "log").mkdir()
+    before = logging.getLogger().handlers[:]
+    try:
+        configure_logging("flight", tmp_path)
+        logging.getLogger("__main__").error("no vehicle")
+    finally:
+        for handler in set(logging.getLogger().handlers) - set(before):
+            handler.close()
+        logging.basicConfig(handlers=before or None, force=True)
+    line = (tmp_path / "log" / "flight.log").read_text()
+    assert line.endswith(" ERROR flight: no vehicle\n")

@@ -1,11 +1,15 @@
 import asyncio
 import logging
+import threading
 import time
 
 import pytest
+from typer.testing import CliRunner
 
 from config.links import Bus as BusSettings
 from drivers.bus import BusUnreachable, Key
+from mission.cli.exits import Exit
+from mission.cli.main import app
 from mission.flight.command import MissionState, Phase, Progress
 from mission.remote.client import Client, NoReply
 from mission.remote.messages import EventMessage, Reply, StartRequest, StateMessage
@@ -50,6 +54,26 @@ async def test_a_daemon_of_another_name_gives_no_reply(router, settings):
 
     with pytest.raises(NoReply):
         await asyncio.to_thread(status)
+
+
+async def test_who_asks_for_a_vehicle_that_is_not_there_is_told_which_are(router, settings):
+    router.answer_requests(("status",), lambda _: b"", per_s=20, too_many=b"")
+    router.announce()
+    words = ["status", "--vehicle", "hero", "--router", settings.endpoint]
+    result = await asyncio.to_thread(CliRunner().invoke, app, words)
+    assert result.exit_code == Exit.DEVICE
+    assert "hero: no reply" in result.stderr
+    assert "--vehicle: heron" in result.stderr
+
+
+async def test_a_console_whose_port_is_taken_says_so_and_ends(router, settings):
+    taken = settings.endpoint.rpartition(":")[2]
+    words = ["console", "--port", taken, "--router", settings.endpoint]
+    result = await asyncio.to_thread(CliRunner().invoke, app, words)
+    assert result.exit_code == Exit.DEVICE
+    assert f"port {taken}" in result.stderr
+    assert "--port" in result.stderr
+    assert [one.name for one in threading.enumerate() if one.name == "console"] == []
 
 
 async def test_states_and_events_are_heard_and_what_cannot_be_read_is_left_out(

@@ -128,6 +128,7 @@ def test_bytes_that_are_no_request_get_an_error_reply(asker, raw):
 
 def test_an_unknown_turbine_is_answered_with_those_that_are_known(asker):
     assert "known: one" in asker.ask("start", START | {"site": "two"})["text"]
+    assert "did you mean 'one'?" in asker.ask("start", START | {"site": "onne"})["text"]
 
 
 @pytest.mark.parametrize("kind", ["pause", "resume", "skip", "stop", "abort"])
