@@ -1,7 +1,8 @@
 """The MID-360 of the tracking bench: its own pattern through the true mesh, thinly cast.
 
-One ray in three is cast near the blade that is flown, one in twenty-four elsewhere: fewer returns
-than the field has, and enough for the blade's line and for clearance. Noise and grazing losses
+One ray in three is cast near the blade that is flown and towards the rest of the turbine, one in
+twenty-four elsewhere: fewer returns than the field has, and enough for the blade's line, for the
+turbine's place and for clearance. Noise and grazing losses
 follow `drivers.simulated.mid360_noise`; the points are put in the world by what the autopilot
 believes of itself, as on the wire. A scan is taken at one moment (the vehicle moves 0.2 m in it at
 most, and the deskewing of the wire undoes that).
@@ -29,6 +30,8 @@ _THINNER = 8
 #: Half the window about the blade: of its length in view, and across it.
 _ALONG_COS = 0.80
 _ACROSS_SIN = 0.20
+#: Beside the other blades and the tower's axis: so far, or so much of their distance.
+_BESIDE_M, _BESIDE_SIN = 4.0, 0.03
 #: Flatter than this over the surface, echoes are lost more and more.
 _GRAZING_RAD = float(np.deg2rad(12.0))
 _ANGLE_SIGMA_RAD = float(np.deg2rad(0.08))
@@ -60,12 +63,16 @@ class ThinLidar:
         self._count = 0
 
     def scan(
-        self, true: BodyPose, believed: BodyPose, blade_w: tuple[Float, Float] | None = None
+        self,
+        true: BodyPose,
+        believed: BodyPose,
+        blade_w: tuple[Float, Float] | None = None,
+        others_w: tuple[tuple[Float, Float], ...] = (),
     ) -> Float:
         """Return the returns (N, 3) of one scan, in the frame of the believed pose.
 
         ``blade_w``: the blade that is flown, as a point of it beside the vehicle and its unit
-        direction, in the true world.
+        direction, in the true world. ``others_w``: ends of what else is looked at as closely.
         """
         pattern = _pattern()[self._count % _SCANS]
         first = self._count % _THINNER
@@ -76,6 +83,8 @@ class ThinLidar:
         chosen[first::_THINNER] = True
         if blade_w is not None:
             chosen |= _towards(pattern, turn, eye, *blade_w)
+        for end_w, other_w in others_w:
+            chosen |= _along(pattern, turn, end_w - eye, other_w - eye)
         directions_l = pattern[chosen]
         directions_w = (directions_l @ turn.T).astype(np.float32)
         origins = np.broadcast_to(eye.astype(np.float32), directions_w.shape)
@@ -110,3 +119,23 @@ def _towards(
         np.abs(seen[:, 1]) < _ACROSS_SIN
     )
     return near
+
+
+def _along(
+    pattern: Float32, turn: Float, end: Float, other: Float
+) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    """Return which rays of a scan pass near a line between two ends, seen from the sensor."""
+    across = np.cross(end, other)
+    size, apart = float(np.linalg.norm(across)), float(np.linalg.norm(other - end))
+    if size < 1e-6:
+        return np.zeros(len(pattern), bool)
+    across = across / size
+    near_m = max(size / apart, 1.0)
+    # Square to the plane of sensor and line; and inside the wedge that the line spans.
+    sides = np.stack([across, np.cross(across, end), np.cross(other, across)], axis=1)
+    seen = pattern @ (turn.T @ sides).astype(np.float32)
+    spare = max(_BESIDE_M / near_m, _BESIDE_SIN)
+    found: np.ndarray[tuple[int, ...], np.dtype[np.bool_]] = (
+        (np.abs(seen[:, 0]) < min(spare, _ACROSS_SIN)) & (seen[:, 1] > 0) & (seen[:, 2] > 0)
+    )
+    return found

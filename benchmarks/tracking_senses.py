@@ -93,9 +93,12 @@ class Senses:
         self._launch_w = np.asarray(trial.scene.launch_w)
         self._frame = rotor_frame(trial.scene)
         self.blades = true_blades(trial)
+        self._lines = _lines(trial, self.blades)
         seed = settings.simulation.seed
         self._lidar = ThinLidar(caster, settings.lidar, seed)
-        self._follower = BladeFollower({settings.sites[0].name: trial.turbine})
+        self._follower = BladeFollower(
+            {settings.sites[0].name: trial.turbine}, settings.positioning
+        )
         ignore_m = settings.lidar.blind_range_m + settings.airframe.radius_m
         self._memory = OccupancyMemory(ignore_within_m=ignore_m)
         self._rng = np.random.default_rng([seed, 0x5E])
@@ -125,14 +128,18 @@ class Senses:
         )
         believed = BodyPose(here, rotation_from_quaternion(telemetry.quaternion_lb))
         blade = self.blades.get(task.blade) if task.mode is SensingMode.BLADE else None
-        beside = None
+        beside: tuple[Float, Float] | None = None
+        others: tuple[tuple[Float, Float], ...] = ()
         if blade is not None:
             beside = (blade.beside(true.position)[1], blade.frame.axis_w)
-        points = self._lidar.scan(true, believed, beside)
+            others = tuple(line for name, line in self._lines.items() if name != blade.name)
+        points = self._lidar.scan(true, believed, beside, others)
         self._scans += 1
         self._clear(points, here, now_s)
         if blade is not None:
-            self.blade = self._follower.follow(task, points, now_s, here) or self.blade
+            velocity = np.asarray(telemetry.velocity_l)
+            track = self._follower.follow(task, points, now_s, here, velocity)
+            self.blade = track or self.blade
         elif task.mode is SensingMode.TOWER and self._scans % 5 == 0:
             self._survey(now_s)
         elif task.mode is SensingMode.ROTOR:
@@ -212,6 +219,14 @@ class Senses:
             cone_deg=scene.cone_deg,
             method="modelled",
         )
+
+
+def _lines(trial: Trial, blades: dict[str, TrueBlade]) -> dict[str, tuple[Float, Float]]:
+    """Return both ends of the axes of the blades and of the tower, truly."""
+    lines = {name: (blade.centres_w[0], blade.centres_w[-1]) for name, blade in blades.items()}
+    top = np.array([0.0, 0.0, trial.turbine.tower_height_m])
+    lines["tower"] = (np.zeros(3), top)
+    return lines
 
 
 def _about(axis: Float, angle_rad: float) -> Float:

@@ -5,7 +5,8 @@ blade tells the wander across that blade, and where its tip is seen, along it. T
 first-order Gauss-Markov process; the filter keeps its value w and the value c it had when the
 rotor was measured, and gives d = w - c: reported position less position in the rotor's frame.
 Where the rotor's hub was measured wrongly, that is part of c: what is known of the rotor is laid
-right by what is seen of it later.
+right by what is seen of it later. A vehicle's velocity does not wander as its position does: what
+the position moves beyond it is wander, and is followed.
 World ENU, metres, mission seconds.
 """
 
@@ -19,6 +20,10 @@ from perception.values import Float
 
 #: What is more standard deviations off than this was not of the blade.
 _GATE = 3.0
+#: What an integrated velocity loses in a second, growing with its root: 0.05 m/s for two seconds.
+_VELOCITY_WALK_M = 0.1
+#: Reports farther apart do not tell what was flown between them.
+_GAP_S = 0.6
 
 
 class FrameDrift:
@@ -33,6 +38,7 @@ class FrameDrift:
         self._variance = sigma_m**2
         self._time_s = time_s
         self._stamp_s = start_s
+        self._last: tuple[float, Float, Float] | None = None
         self._state: Float = np.zeros(6)
         block = self._variance * np.eye(3)
         rotor = rotor_sigma_m**2 * np.eye(3)
@@ -64,6 +70,32 @@ class FrameDrift:
         # Joseph's form: stays symmetric and positive.
         self._covariance = keep @ self._covariance @ keep.T + sigma_m**2 * np.outer(gain, gain)
         return True
+
+    def move(self, stamp_s: float, position_w: Float, velocity_w: Float) -> None:
+        """Take the vehicle's reported position and velocity (3,), one report after the other."""
+        last, self._last = self._last, (stamp_s, position_w, velocity_w)
+        if last is None or not 0.0 < stamp_s - last[0] < _GAP_S or self._stamp_s >= stamp_s:
+            return
+        if self._stamp_s < last[0]:
+            self._state, self._covariance = self._at(last[0])
+        self._stamp_s = stamp_s
+        step_s = stamp_s - last[0]
+        beyond = position_w - last[1] - 0.5 * (velocity_w + last[2]) * step_s
+        decay = math.exp(-step_s / self._time_s)
+        fresh = self._variance * (1 - decay**2)
+        # Two tell of the new value: the old one that fades, and the old one moved by `beyond`.
+        share = fresh / (fresh + _VELOCITY_WALK_M**2 * step_s) if fresh > 0 else 0.0
+        kept = decay + share * (1 - decay)
+        self._state = np.concatenate([kept * self._state[:3] + share * beyond, self._state[3:]])
+        step = np.diag([kept] * 3 + [1.0] * 3)
+        self._covariance = step @ self._covariance @ step
+        self._covariance[:3, :3] += fresh * (1 - share) * np.eye(3)
+
+    def see(self, stamp_s: float, offset_w: Float, covariance: Float) -> None:
+        """Take how far everything fixed appears moved: (3,), as sure as (3, 3) says."""
+        variances, axes = np.linalg.eigh(covariance)
+        for variance, axis_w in zip(variances, axes.T, strict=True):
+            self.measure(stamp_s, axis_w, float(offset_w @ axis_w), math.sqrt(max(variance, 0.0)))
 
     def at(self, stamp_s: float) -> tuple[Float, Float]:
         """Return d (3,) at a time, and its covariance (3, 3)."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-from mission.flight.observation import Vec3
+from mission.flight.observation import BladeEstimate, Vec3
 
 
 class Phase(StrEnum):
@@ -129,6 +129,10 @@ class SensingTask:
     """The LiDAR cannot look at this side: what it finds near the blade is something else."""
     others: tuple[tuple[Vec3, Vec3, float, float], ...] = ()
     """Other solids near the blade, as truncated cones (end, end, radius at each, metres)."""
+    blades: tuple[BladeEstimate, ...] = ()
+    """Blades whose pitch is known, as measured about the hub: by them the turbine is sighted."""
+    measured_s: float | None = None
+    """When they were measured."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,7 +25,14 @@ from mission.flight.earlier import Earlier
 from mission.flight.events import Event, EventRecord, Reaction
 from mission.flight.guard import Airspace
 from mission.flight.ledger import Ledger
-from mission.flight.observation import Observation, Request, RotorEstimate, Vec3, Vehicle
+from mission.flight.observation import (
+    BladeEstimate,
+    Observation,
+    Request,
+    RotorEstimate,
+    Vec3,
+    Vehicle,
+)
 from mission.flight.plan import Plan
 from mission.flight.rotor_model import RotorModel
 from mission.flight.seen_space import SeenSpace
@@ -369,6 +376,17 @@ class Flight:
             half_width_m=half_width_m,
             blind=blind,
             others=() if self.model is None else self.model.beside(blade),
+            blades=self._blades(),
+            measured_s=None if self.rotor is None else self.rotor.stamp_s,
+        )
+
+    def _blades(self) -> tuple[BladeEstimate, ...]:
+        """Return the blades of the model."""
+        frames = () if self.model is None else self.model.frames
+        return tuple(
+            BladeEstimate(frame.name, vec3(frame.axis_w), math.degrees(frame.pitch_rad))
+            for frame in frames
+            if frame.pitch_rad is not None
         )
 
 

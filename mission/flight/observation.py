@@ -167,6 +167,17 @@ class RotorEstimate:
 
 
 @dataclass(frozen=True, slots=True)
+class TurbineSeen:
+    """How far the whole turbine stands from where it was measured, in the frame of the position."""
+
+    stamp_s: float
+    """Of the newest of the scans that show it."""
+    offset_w: Vec3
+    covariance_m2: tuple[float, float, float, float, float, float]
+    """xx, xy, xz, yy, yz, zz: large where it was not seen."""
+
+
+@dataclass(frozen=True, slots=True)
 class BladeTrack:
     """The blade that is flown along, as seen by the last scans (Eq. 3)."""
 
@@ -186,6 +197,8 @@ class BladeTrack:
     """Metre (from the root flange) of the tip, when it is in view."""
     from_model: bool = False
     """The edge returns too little: the fitted rotor holds the distance."""
+    turbine: TurbineSeen | None = None
+    """The newest sighting of the whole turbine."""
 
 
 @dataclass(frozen=True, slots=True)

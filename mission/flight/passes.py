@@ -3,7 +3,8 @@
 A pass looks at one side of one blade. Seen straight on, its line may come too near the tower, the
 nacelle or a neighbouring blade, or ask the gimbal to look where it cannot. So the view is also
 tried turned about the blade's axis, and farther away; the view with the best coverage is flown,
-and a second, oblique one where that adds enough. What remains is listed by metre with its reason.
+and oblique ones beside it where they add enough: metres that it leaves unseen, or skin that it
+meets too flat. What remains is listed by metre with its reason.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from config.settings import Settings
 from config.turbine import Turbine
@@ -21,6 +23,7 @@ from mission.flight.leg import Leg, SidePass, Unseen
 from mission.flight.rotor_model import RotorModel
 from mission.flight.section import Section
 from mission.flight.sides import BladeFrame, side_view
+from mission.flight.skin import blade_skin
 from mission.flight.views import Around, Mask, View, judged_views, runs_of, sight
 from perception.values import Float
 
@@ -30,6 +33,12 @@ MIN_GAIN = 0.05
 #: Where the gimbal cannot look along the straight view, the blade is also tried from a place
 #: farther up or down its axis: the view leans along the axis by these angles.
 SLANTS_DEG = (-30, -20, 20, 30)
+#: Oblique views beside the chosen one: at most so many, turned so far, each for at least this share
+#: of the side's skin, and none where so much is shown. What is met flatter is not counted.
+MOST_OBLIQUE, OBLIQUE_DEG = 2, (0, 15, -15, 30, -30, 45, -45, 52, -52, 57, -57)
+MIN_SKIN_GAIN, ENOUGH_SKIN, FLATTEST_DEG = 0.07, 0.95, 58.5
+#: An oblique view is flown along where it adds this share of the skin there.
+MIN_GAIN_THERE = 0.15
 #: Left beside the blade where it is photographed in rows.
 ROW_MARGIN_M = 0.25
 #: The speed at which closer photos along a blade begin to slow the flight.
@@ -73,6 +82,7 @@ def plan_side(
     second = _second(frame, straight, turns, section, around, best)
     if second is not None:
         chosen.append((second, second.seen))
+    chosen += _oblique(frame, side, straight, section, around, [view for view, _ in chosen])
     legs = tuple(
         leg
         for view, mask in chosen
@@ -114,6 +124,56 @@ def _second(
     distance = np.full(len(grid), np.nan)
     distance[a : b + 1] = view.distance_m
     return replace(view, distance_m=distance, reason=best.reason)
+
+
+def _oblique(
+    frame: BladeFrame,
+    side: str,
+    straight_w: Float,
+    section: Section,
+    around: Around,
+    chosen: list[View],
+) -> list[tuple[View, Mask]]:
+    """Return views, and where to fly them, for skin that the chosen ones do not show."""
+    skin, grid = blade_skin(frame, section.turbine)[side], section.grid_m
+    place = np.clip(np.rint(skin.metres / (grid[1] - grid[0])), 0, len(grid) - 1).astype(np.intp)
+    whole = float(skin.areas_m2.sum())
+
+    def shows(view: View) -> Mask:
+        met = skin.normals_w @ view.view_w >= math.cos(math.radians(FLATTEST_DEG))
+        shown: Mask = met & view.seen[place]
+        return shown
+
+    shown = np.zeros(len(place), bool)
+    for view in chosen:
+        shown |= shows(view)
+    found: list[tuple[View, Mask]] = []
+    for slants in ((0,), SLANTS_DEG):
+        if float(skin.areas_m2[shown].sum()) >= ENOUGH_SKIN * whole:
+            break
+        views = judged_views(frame, straight_w, OBLIQUE_DEG, slants, section, around)
+        while views and len(found) < MOST_OBLIQUE:
+            gains = [float(skin.areas_m2[shows(view) & ~shown].sum()) for view in views]
+            best = int(
+                np.argmax([gain * view.worth for gain, view in zip(gains, views, strict=True)])
+            )
+            if gains[best] < MIN_SKIN_GAIN * whole:
+                break
+            stretch = _where(grid, place, skin.areas_m2, shows(views[best]) & ~shown)
+            found.append((views[best], views[best].seen & stretch))
+            shown |= shows(views[best])
+    return found
+
+
+def _where(grid: Float, place: NDArray[np.intp], areas_m2: Float, more: Mask) -> Mask:
+    """Return which metres (M,) lie between the first and the last where a view adds enough."""
+    there = np.bincount(place, areas_m2, len(grid))
+    added = np.bincount(place[more], areas_m2[more], len(grid))
+    least = min(MIN_GAIN_THERE, 0.5 * float(added.sum() / there.sum()))
+    worth = np.flatnonzero(added > least * np.maximum(there, 1e-9))
+    stretch: Mask = np.zeros(len(grid), bool)
+    stretch[worth.min() : worth.max() + 1] = True
+    return stretch
 
 
 def _nearness(view: View) -> float:

@@ -19,6 +19,7 @@ from config.turbine import Turbine
 from mission.flight.observation import Vec3
 from mission.flight.sides import BladeFrame, blade_frame
 from perception.geometry import vec3
+from perception.turbine_sighting import BladeSolid, TurbineSolid
 from perception.values import Float
 
 STATIONS = 64
@@ -99,6 +100,31 @@ class RotorModel:
         radius = float((ends + self.radius[blade, inner]).max())
         root, axis = self.roots[blade], self.axes[blade]
         return vec3(root), vec3(root + INNER_SHARE * self.lengths[blade] * axis), radius, radius
+
+    def solid(self) -> TurbineSolid:
+        """Return the turbine as it was measured, without what the model is inflated by."""
+        span: Float = np.linspace(0.0, 1.0, STATIONS, dtype=np.float64)
+        base, top = self.tower_radii
+        blades = tuple(
+            BladeSolid(
+                self.roots[k],
+                self.axes[k],
+                float(self.lengths[k]),
+                self.leading[k],
+                self.chord[k],
+                self.radius[k] - _inflation_m(span, float(self.lengths[k])),
+            )
+            for k in range(len(self.lengths))
+        )
+        return TurbineSolid(
+            self.hub_w,
+            self.hub_radius_m - BASE_INFLATION_M,
+            blades,
+            self.tower_top_w,
+            self.tower_axis_w,
+            self.tower_height_m,
+            (base - BASE_INFLATION_M, top - BASE_INFLATION_M),
+        )
 
     def _parts(self, points: Float) -> tuple[Float, Float]:
         """Return distances (N, P) and unit vectors (N, P, 3) from the points to each part."""
@@ -224,14 +250,14 @@ def _tower_top(
 def _sections(frame: BladeFrame, turbine: Turbine) -> tuple[Float, Float, NDArray[np.float64]]:
     """Return the stadium (leading end, chord, radius) at each station of a blade."""
     shape = turbine.blade
-    span = np.linspace(0.0, 1.0, STATIONS)
+    span: Float = np.linspace(0.0, 1.0, STATIONS, dtype=np.float64)
     chord, twist, thickness, prebend, axis_at = (
         np.interp(span, shape.span, column)
         for column in (
             shape.chord_m, shape.twist_deg, shape.thickness, shape.prebend_m, shape.pitch_axis
         )
     )  # fmt: skip
-    inflation = BASE_INFLATION_M + INFLATION_PER_METRE * span * frame.length_m
+    inflation = _inflation_m(span, frame.length_m)
     if frame.pitch_rad is None:
         reach = np.maximum(axis_at, 1 - axis_at) * chord + np.abs(prebend)
         nothing = np.zeros((STATIONS, 3))
@@ -243,3 +269,9 @@ def _sections(frame: BladeFrame, turbine: Turbine) -> tuple[Float, Float, NDArra
     lead = np.cos(angles)[:, None] * frame.rotation_w + np.sin(angles)[:, None] * frame.upwind_w
     bend = prebend[:, None] * frame.pressure(frame.pitch_rad)
     return bend + ahead[:, None] * lead, -(ahead + behind)[:, None] * lead, half + inflation
+
+
+def _inflation_m(span: Float, length_m: float) -> Float:
+    """Return what a blade is inflated by at shares of its span."""
+    inflation: Float = BASE_INFLATION_M + INFLATION_PER_METRE * span * length_m
+    return inflation

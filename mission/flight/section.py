@@ -22,7 +22,7 @@ class Section:
                 shape.chord_m, shape.twist_deg, shape.thickness, shape.prebend_m, shape.pitch_axis
             )
         )  # fmt: skip
-        self._turbine = turbine
+        self.turbine = turbine
         angles = pitch + np.radians(twist)
         lead = np.cos(angles)[:, None] * frame.rotation_w + np.sin(angles)[:, None] * frame.upwind_w
         self.grid_m = grid_m
@@ -34,7 +34,7 @@ class Section:
 
     def part(self, first: int, end: int) -> Section:
         """Return a stretch of the grid by itself."""
-        return Section(self._frame, self._turbine, self.grid_m[first:end])
+        return Section(self._frame, self.turbine, self.grid_m[first:end])
 
     def across(self, view_w: Float) -> Float:
         """Return the unit direction (3,) across the blade, square to the view."""

@@ -10,7 +10,8 @@ import numpy as np
 from config.photos import Positioning
 from config.turbine import Turbine
 from mission.flight.command import SensingTask
-from mission.flight.observation import BladeTrack
+from mission.flight.observation import BladeTrack, TurbineSeen
+from mission.processes.turbine_sight import TurbineSight
 from perception.blade_line import SectionDepth, fit_blade_line, outside_cone
 from perception.clearance import Followed
 from perception.geometry import vec3
@@ -49,22 +50,41 @@ EDGE_ROUND, ROUND_SECTION = 0.03, 0.9
 class BladeFollower:
     """Joins the scans of a task and fits the blade's line to them (Eq. 3)."""
 
-    def __init__(self, turbines: Mapping[str, Turbine]) -> None:
+    def __init__(
+        self, turbines: Mapping[str, Turbine], positioning: Positioning | None = None
+    ) -> None:
         """``turbines``: dimensions by the name of the site."""
         self._turbines = turbines
+        self._sight = TurbineSight(positioning or Positioning())
+        self._seen: TurbineSeen | None = None
         self._task_id = -1
         self._recent: deque[tuple[float, Float]] = deque()
 
     def follow(
-        self, task: SensingTask, points_w: Float, stamp_s: float, position_w: Float
+        self,
+        task: SensingTask,
+        points_w: Float,
+        stamp_s: float,
+        position_w: Float,
+        velocity_w: Float | None = None,
     ) -> BladeTrack | None:
-        """Take one scan, (N, 3) world metres; return the blade, None where too little is seen."""
+        """Take one scan, (N, 3) world metres; return the blade, None where too little is seen.
+
+        ``position_w``, ``velocity_w``: (3,) of the vehicle; without the latter the turbine as a
+        whole is not looked for.
+        """
         if task.task_id != self._task_id:
             self._task_id = task.task_id
             self._recent.clear()
         self._recent.append((stamp_s, points_w))
         while self._recent and stamp_s - self._recent[0][0] > BLADE_WINDOW_S:
             self._recent.popleft()
+        if velocity_w is not None:
+            turbine = self._turbines.get(task.turbine)
+            seen = self._sight.take(task, turbine, points_w, stamp_s, position_w, velocity_w)
+            self._seen = seen or self._seen
+            if task.blind and seen is not None:
+                return _unseen(task, stamp_s, position_w, seen)
         if task.blade_root_w is None or task.blade_tip_w is None or task.blind:
             return None
         joined = np.concatenate([points for _, points in self._recent])
@@ -92,7 +112,33 @@ class BladeFollower:
             offset_w=vec3(line.offset_w),
             residual_m=line.residual_m,
             tip_m=line.tip_m,
+            turbine=self._seen,
         )
+
+
+def _unseen(
+    task: SensingTask, stamp_s: float, position_w: Float, seen: TurbineSeen
+) -> BladeTrack | None:
+    """Return a blade that only its model tells of, with what was seen of the whole turbine."""
+    if task.blade_root_w is None or task.blade_tip_w is None:
+        return None
+    root = np.asarray(task.blade_root_w)
+    axis = np.asarray(task.blade_tip_w) - root
+    axis = axis / np.linalg.norm(axis)
+    here = position_w - np.asarray(seen.offset_w)
+    foot = root + float((here - root) @ axis) * axis + np.asarray(seen.offset_w)
+    return BladeTrack(
+        stamp_s=stamp_s,
+        blade=task.blade,
+        foot_w=vec3(foot),
+        direction_w=vec3(axis),
+        distance_m=float(np.linalg.norm(foot - position_w)),
+        points_per_s=0.0,
+        offset_w=(0.0, 0.0, 0.0),
+        residual_m=0.0,
+        from_model=True,
+        turbine=seen,
+    )
 
 
 def _depth(turbine: Turbine | None, task: SensingTask) -> SectionDepth | None:

@@ -68,7 +68,7 @@ class TrackingWorker:
         self._repeats = RepeatedScans()
         self._stamps: deque[float] = deque(maxlen=RATE_WINDOW)
         self._turbines = turbines_of(settings.sites)
-        self._follower = BladeFollower(self._turbines)
+        self._follower = BladeFollower(self._turbines, settings.positioning)
         self._metering = BladeMetering(settings, self._turbines)
         self._exposure: ExposureControl | None = None
         self._told_s = float("-inf")
@@ -95,7 +95,6 @@ class TrackingWorker:
         origin = origins_w[-1] if len(origins_w) else position_w
         points_w = points_w[self._air.solid(points_w, origin)]
         if not repeated:
-            origin = origins_w[-1] if len(origins_w) else position_w
             near = np.linalg.norm(points_w - origin, axis=1) < self._reach_m()
             self._memory.update(points_w[near], scan.stamp_s, origin)
         self._publish_clearance(scan, position_w, repeated=repeated)
@@ -142,8 +141,9 @@ class TrackingWorker:
     def _follow_blade(
         self, task: SensingTask, points_w: Float, stamp_s: float, position_w: Float
     ) -> None:
-        track = self._follower.follow(task, points_w, stamp_s, position_w)
-        self._foot_w = None if track is None else track.foot_w
+        velocity_w = self._inbox.poses[-1].velocity_w if self._inbox.poses else None
+        track = self._follower.follow(task, points_w, stamp_s, position_w, velocity_w)
+        self._foot_w = None if track is None or track.from_model else track.foot_w
         if track is not None:
             self._bus.publish(Key.BLADE, _BLADE.dump_json(track))
 

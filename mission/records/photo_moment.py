@@ -16,7 +16,7 @@ from pydantic import TypeAdapter
 from config.photos import Positioning
 from drivers.bus import Key
 from mission.flight.command import SensingMode, SensingTask
-from mission.flight.observation import BladeTrack, GimbalState, RotorEstimate, Vehicle
+from mission.flight.observation import BladeTrack, GimbalState, RotorEstimate, TurbineSeen, Vehicle
 from mission.remote.messages import PhotoTakenMessage, VehicleMessage
 from perception.frame_drift import FrameDrift
 from perception.geometry import rotation_from_quaternion, wrap_angle
@@ -37,6 +37,8 @@ _DEPTH_SIGMA_M, _ASIDE_SIGMA_M, _TIP_SIGMA_M = 0.1, 0.4, 0.3
 #: How far the measured hub is off, per axis: against the truth of thirteen flights of the demo
 #: scenario it was 0.5 m along a blade.
 ROTOR_SIGMA_M = 0.4
+#: While the whole turbine was sighted so lately, the blade alone tells nothing besides.
+_SIGHTED_S = 4.0
 #: What photos say is as far off for seconds, by the heading's error: taken this seldom.
 _SIGHT_EVERY_S = 6.0
 #: What a blade bends is not wander: the farther out, the less an offset says.
@@ -113,7 +115,8 @@ class PhotoHistory:
         self._tasks: dict[tuple[str, str], SensingTask] = {}
         self._task: SensingTask | None = None
         self._drift: FrameDrift | None = None
-        self._measured_s = self._sighted_s = -math.inf
+        self._measured_s = self._sighted_s = self._turbine_s = -math.inf
+        self._drifts: deque[tuple[float, Float, Float]] = deque(maxlen=_KEPT)
         self._tips: deque[float] = deque(maxlen=_TIPS)
 
     def take(self, key: str, payload: bytes) -> None:
@@ -122,6 +125,7 @@ class PhotoHistory:
             message = VehicleMessage.model_validate_json(payload)
             if message.vehicle is not None:
                 self._vehicles.append(message.vehicle)
+                self._take_motion(message.vehicle)
             if message.gimbal is not None:
                 self._gimbals.append(message.gimbal)
         elif key == Key.TASK:
@@ -217,10 +221,38 @@ class PhotoHistory:
         hub = task.hub_w
         return min(self._rotors, key=lambda r: math.dist(r.hub_w, hub), default=None)
 
+    def _take_motion(self, vehicle: Vehicle) -> None:
+        """Follow the wander by what the position moves beyond the velocity."""
+        if self._drift is None:
+            return
+        position_w, velocity_w = np.array(vehicle.position_w), np.array(vehicle.velocity_w)
+        self._drift.move(vehicle.stamp_s, position_w, velocity_w)
+        drift, covariance = self._drift.at(vehicle.stamp_s)
+        self._drifts.append((vehicle.stamp_s, drift, covariance))
+
+    def _take_turbine(self, drift: FrameDrift, seen: TurbineSeen | None) -> None:
+        """Take a sighting of the whole turbine, each once."""
+        if seen is None or seen.stamp_s <= self._turbine_s:
+            return
+        self._turbine_s = seen.stamp_s
+        xx, xy, xz, yy, yz, zz = seen.covariance_m2
+        covariance = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        drift.see(seen.stamp_s, np.array(seen.offset_w), covariance)
+
+    def _drift_then(self, stamp_s: float) -> tuple[Float, Float] | None:
+        """Return the drift (3,) at a moment, and its covariance (3, 3)."""
+        near = min(self._drifts, key=lambda then: abs(then[0] - stamp_s), default=None)
+        if near is not None and abs(near[0] - stamp_s) < _NEAR_S:
+            return near[1], near[2]
+        return None if self._drift is None else self._drift.at(stamp_s)
+
     def _take_track(self, track: BladeTrack) -> None:
         self._tracks.append(track)
         task, drift = self._task, self._drift
-        if task is None or drift is None or track.blade != task.blade or track.from_model:
+        if task is None or drift is None:
+            return
+        self._take_turbine(drift, track.turbine)
+        if track.blade != task.blade or track.from_model:
             return
         if task.blade_root_w is None or task.blade_tip_w is None or not self._vehicles:
             return
@@ -239,9 +271,11 @@ class PhotoHistory:
         bend = _BEND_PER_METRE * max(0.0, float((foot - root) @ axis))
         aside = np.cross(axis, view)
         noise = self._positioning.noise_sigma_m
+        sighted = track.stamp_s - self._turbine_s < _SIGHTED_S
         for direction, sigma in ((view, _DEPTH_SIGMA_M), (aside, _ASIDE_SIGMA_M)):
             total = math.sqrt(sigma**2 + bend**2 + noise**2)
-            drift.measure(track.stamp_s, direction, float(offset @ direction), total)
+            if not sighted:
+                drift.measure(track.stamp_s, direction, float(offset @ direction), total)
         if tip_m is not None:
             sigma = math.hypot(_TIP_SIGMA_M, noise)
             drift.measure(track.stamp_s, axis, tip_m - length, sigma)
@@ -271,8 +305,9 @@ class PhotoHistory:
         drift: Float = np.zeros(3)
         unknown = 2 * self._positioning.wander_sigma_m**2 + ROTOR_SIGMA_M**2
         covariance: Float = unknown * np.eye(3)
-        if self._drift is not None:
-            drift, covariance = self._drift.at(taken.stamp_s)
+        then = self._drift_then(taken.stamp_s)
+        if then is not None:
+            drift, covariance = then
         tracks = [
             track
             for track in self._tracks

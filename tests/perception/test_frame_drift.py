@@ -62,3 +62,32 @@ def test_the_filter_is_honest_about_a_wander_that_it_follows():
     spread = np.sqrt(np.mean(np.square(scaled), axis=0))
     assert (spread > 0.8).all()
     assert (spread < 1.2).all()
+
+
+def test_what_the_position_moves_beyond_the_velocity_is_followed():
+    filter_ = FrameDrift(1.5, 60.0, 0.0)
+    for tick in range(400):
+        stamp_s = 0.05 * tick
+        # Flown north at 1 m/s; the position wanders east at 0.1 m/s besides.
+        filter_.move(stamp_s, np.array([0.1 * stamp_s, stamp_s, 0.0]), np.array([0.0, 1.0, 0.0]))
+    drift, covariance = filter_.at(20.0)
+    assert drift[0] == pytest.approx(2.0, abs=0.35)
+    assert abs(drift[1]) < 1e-6
+    alone = FrameDrift(1.5, 60.0, 0.0).at(20.0)[1]
+    assert covariance[0, 0] < 0.4 * alone[0, 0]
+
+
+def test_a_gap_in_the_reports_is_not_integrated_over():
+    filter_ = FrameDrift(1.5, 60.0, 0.0)
+    filter_.move(1.0, np.zeros(3), np.zeros(3))
+    filter_.move(5.0, np.array([40.0, 0.0, 0.0]), np.zeros(3))
+    np.testing.assert_allclose(filter_.at(5.0)[0], 0.0)
+
+
+def test_a_sighting_counts_in_the_directions_in_which_it_is_sure():
+    filter_ = FrameDrift(1.5, 60.0, 0.0)
+    filter_.see(300.0, np.array([1.0, 9.0, 1.0]), np.diag([0.01, 400.0, 0.01]))
+    drift, covariance = filter_.at(300.0)
+    assert drift[[0, 2]] == pytest.approx([1.0, 1.0], abs=0.02)
+    assert abs(drift[1]) < 0.2
+    assert math.sqrt(covariance[1, 1]) > 2.0

@@ -44,6 +44,10 @@ class LiveOffset:
         self._history.clear()
         self._seen_s = -math.inf
 
+    def lean(self, value_w: Float, share: float) -> None:
+        """Go a share of the way to what is known of the offset (3,) while the blade is not seen."""
+        self.value_w = self.value_w + share * (value_w - self.value_w)
+
     def advance(self, now_s: float, position_w: Float, velocity_w: Float) -> None:
         """Carry the offset to a tick by the vehicle's reported position and velocity (3,)."""
         last, self._last = self._last, (now_s, position_w, velocity_w)

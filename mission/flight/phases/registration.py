@@ -2,8 +2,8 @@
 
 The vehicle's position drifts, blades droop and bend: the measured axis lies beside the modelled
 one. The plan follows that offset (`LiveOffset`), and, where the surface comes nearer than it
-should, moves outward. What blades show of the position's drift is learnt (`FrameDrift`), for the
-direction along the blade and for everything that is not the blade. An offset that no drift
+should, moves outward. What blades and tower show of the position's drift is learnt (`FrameDrift`),
+for the direction along the blade and for everything that is not the blade. An offset that no drift
 explains means that the rotor has moved.
 """
 
@@ -26,6 +26,8 @@ MOST_M = 6.0
 #: for longer than that.
 LEARN_S = 1.0
 DEPTH_SIGMA_M, ASIDE_SIGMA_M = 0.17, 0.5
+#: While the whole turbine was sighted so lately, the blade alone is not learnt from besides.
+SIGHTED_S = 4.0
 #: What a blade bends beyond the plan is not drift, and stays: the farther out, the less is learnt.
 BEND_PER_METRE = 0.025
 #: How far the measured hub may be off, per axis.
@@ -39,6 +41,8 @@ JUMP_M = 1.5
 #: Unless it stays: then it is what the sensor sees now.
 JUMP_STAYS_S = 3.0
 LOST_S = 5.0
+#: Lost for longer, the blade is taken for where the turbine's drift puts it, within this time.
+LEAN_S = 2.0
 PUSH_MPS = 0.4
 #: Too near by so much it is made good in this time, and by so much more is kept.
 PUSH_TIME_S, PUSH_SPARE_M = 1.5, 0.1
@@ -61,7 +65,7 @@ class Registration:
         self._live = LiveOffset()
         self._filter: FrameDrift | None = None
         self._rotor_s = math.nan
-        self._learnt_s = -math.inf
+        self._learnt_s = self._sighted_s = -math.inf
         self._push = 0.0
         self._stamp_s = self._begun_s = -math.inf
         self._blade = ""
@@ -102,8 +106,22 @@ class Registration:
                 known.wander_sigma_m, known.wander_s, rotor.stamp_s, ROTOR_SIGMA_M
             )
         if self._filter is not None:
+            velocity_w = np.array(flight.vehicle.velocity_w)
+            self._filter.move(flight.vehicle.stamp_s, flight.here_w, velocity_w)
+            self._sight(self._filter, flight)
             self.drift_w = self._filter.at(flight.now_s)[0]
         return self.drift_w
+
+    def _sight(self, known: FrameDrift, flight: Flight) -> None:
+        """Take the newest sighting of the whole turbine."""
+        track = flight.observation.blade
+        seen = None if track is None else track.turbine
+        if seen is None or seen.stamp_s <= max(self._sighted_s, self._rotor_s):
+            return
+        self._sighted_s = seen.stamp_s
+        xx, xy, xz, yy, yz, zz = seen.covariance_m2
+        covariance = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        known.see(seen.stamp_s, np.array(seen.offset_w), covariance)
 
     def update(self, flight: Flight, leg: Leg) -> Float:
         """Take the newest track and clearance; return the shift."""
@@ -129,7 +147,10 @@ class Registration:
                 self.moved_s = self.moved_s + step_s if size > limit else 0.0
                 live.correct(track.stamp_s, offset * min(1.0, MOST_M / max(size, 1e-6)), step_s)
                 self._learn(offset, metre, leg, flight)
-        self._push_outward(flight, leg, self.lost_s(flight))
+        lost_s = self.lost_s(flight)
+        if leg.blind or lost_s > LOST_S:
+            live.lean(self.drift_w, 1.0 if leg.blind else flight.dt_s / LEAN_S)
+        self._push_outward(flight, leg, lost_s)
         # Across the blade as it is seen; along it, which no blade shows, as other blades told.
         self.aim_w = live.value_w - _along(live.value_w, leg) + _along(self.drift_w, leg)
         self.shift_w = self.aim_w + self._push * leg.view_w
@@ -142,6 +163,8 @@ class Registration:
         """
         track = flight.observation.blade
         if self._filter is None or track is None or flight.now_s - self._learnt_s < LEARN_S:
+            return
+        if flight.now_s - self._sighted_s < SIGHTED_S:
             return
         self._learnt_s = flight.now_s
         noise = flight.settings.positioning.noise_sigma_m

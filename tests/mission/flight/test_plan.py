@@ -8,17 +8,18 @@ from config.presets import load_turbine
 from config.settings import Settings
 from mission.flight.footprint import footprint_m, photo_metres
 from mission.flight.plan import plan, plan_steps
+from mission.flight.skin import Look, blade_skin
 
 SETTINGS = Settings()
 RADIUS = SETTINGS.airframe.radius_m
 WANTED = [(blade, side) for blade in "ABC" for side in ("PS", "SS", "LE", "TE")]
 
 
-def planned(stop, pitch, name="windpact-1.5", wanted=WANTED):
+def planned(stop, pitch, name="windpact-1.5", wanted=WANTED, settings=SETTINGS):
     turbine = load_turbine(name)
     model = true_model(Truth(stop_angle_deg=stop, pitch_deg=pitch), turbine)
     start = model.hub_w - 20 * model.normal_w
-    return model, start, plan(model, turbine, SETTINGS, wanted, start, 0.0)
+    return model, start, plan(model, turbine, settings, wanted, start, 0.0)
 
 
 @pytest.mark.parametrize("stop", [0.0, 17.0, 30.0, 60.0, 90.0, 119.95])
@@ -81,10 +82,28 @@ def test_other_sizes_are_planned_as_well(name):
 
 def test_what_the_gimbal_cannot_see_is_told_by_metre():
     # A level blade that turns its side straight down would have to be looked up at.
-    _, _, found = planned(30.0, 0.0)
+    level = SETTINGS.gimbal.model_copy(update={"max_pitch_deg": 10.0})
+    settings = SETTINGS.model_copy(update={"gimbal": level})
+    _, _, found = planned(30.0, 0.0, settings=settings)
     blind = [p for p in found.passes if not p.legs]
     assert blind
     assert all("gimbal" in gap.reason for p in blind for gap in p.unseen)
+
+
+def test_a_side_that_faces_the_ground_is_shown_by_oblique_passes():
+    model, _, found = planned(30.0, 0.0, "nrel-1.72-103")
+    turbine = load_turbine("nrel-1.72-103")
+    for frame in model.frames:
+        skins = blade_skin(frame, turbine)
+        looks = [
+            Look(leg.position(metre), -leg.view_w)
+            for leg in found.legs
+            if leg.blade == frame.name
+            for metre in leg.photos
+        ]
+        for side in ("PS", "SS"):
+            seen = np.any([skins[side].seen_in(look, SETTINGS) for look in looks], axis=0)
+            assert skins[side].share(seen) > 0.8
 
 
 def test_the_view_is_within_the_gimbals_limits():

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from config.settings import Settings
-from mission.flight.observation import BladeTrack
+from mission.flight.observation import BladeTrack, RotorEstimate, TurbineSeen
 from mission.flight.phases.registration import Registration
 
 LEG = SimpleNamespace(
     blade="A", view_w=np.array([0.0, -1.0, 0.0]), metre_of=lambda _: 10.0, axis_w=np.eye(3)[2],
-    centre=lambda _: np.zeros(3), length_m=40.0,
+    centre=lambda _: np.zeros(3), length_m=40.0, blind=False,
 )  # fmt: skip
 
 
@@ -85,3 +85,44 @@ def test_a_blade_that_is_lost_is_flown_past_from_14_metres(registration):
         push.append(float((shift - [0.5, 0.0, 0.0]) @ LEG.view_w))
     assert max(push[:35]) < 0.01
     assert push[-1] == pytest.approx(2.0, abs=0.1)
+
+
+def test_a_sighting_of_the_turbine_tells_the_drift_along_the_blade():
+    registration, shift = Registration(), np.zeros(3)
+    registration.begin("A")
+    rotor = RotorEstimate(stamp_s=1.0, sequence=1)
+    settings = Settings()
+    gnss = settings.positioning.model_copy(update={"method": "gnss"})
+    settings = settings.model_copy(update={"positioning": gnss})
+    for index in range(100):
+        now_s = 60.0 + 0.05 * index
+        seen = TurbineSeen(60.0 + index // 20, (0.3, -0.2, 2.0), (0.04, 0.0, 0.0, 0.04, 0.0, 0.04))
+        track = BladeTrack(
+            now_s, "A", (0, 0, 0), (0, 0, 1), 12.0, 500.0, (0.3, -0.2, 0.0), 0.1, turbine=seen
+        )
+        flight = SimpleNamespace(
+            observation=SimpleNamespace(blade=track, clearance=None), now_s=now_s, dt_s=0.05,
+            here_w=np.zeros(3), settings=settings, rotor=rotor,
+            vehicle=SimpleNamespace(velocity_w=(0.0, 0.0, 0.0), stamp_s=now_s),
+        )  # fmt: skip
+        shift = registration.update(flight, LEG)
+    assert shift == pytest.approx([0.3, -0.2, 2.0], abs=0.15)
+    assert registration.drift_w[2] == pytest.approx(2.0, abs=0.1)
+
+
+def test_a_blade_that_the_lidar_cannot_look_at_is_where_the_turbines_drift_puts_it(registration):
+    blind = SimpleNamespace(**{**vars(LEG), "blind": True, "distance_at": lambda _: 14.0})
+    rotor = RotorEstimate(stamp_s=0.0, sequence=1)
+    seen = TurbineSeen(4.0, (0.2, -0.1, 0.3), (0.01, 0.0, 0.0, 0.01, 0.0, 0.01))
+    track = BladeTrack(
+        4.0, "A", (0, 0, 0), (0, 0, 1), 14.0, 0.0, (9.0, 9.0, 0.0), 0.0, from_model=True,
+        turbine=seen,
+    )  # fmt: skip
+    flight = SimpleNamespace(
+        observation=SimpleNamespace(blade=track, clearance=None), now_s=4.0, dt_s=0.05,
+        here_w=np.zeros(3), settings=Settings(), rotor=rotor,
+        vehicle=SimpleNamespace(velocity_w=(0.0, 0.0, 0.0), stamp_s=4.0),
+    )  # fmt: skip
+    shift = registration.update(flight, blind)
+    assert shift == pytest.approx(registration.drift_w)
+    assert shift == pytest.approx([0.2, -0.1, 0.3], abs=0.1)

@@ -186,7 +186,7 @@ def test_the_tip_seen_by_the_lidar_makes_the_metre_surer():
     world = World("gnss", 5)
     photos = world.fly("A", 30.0, (1.0, 32.0))
     sigmas = [view.metre_sigma_m for _, (_, view) in photos]
-    assert sigmas[-1] < 0.5 * max(sigmas)
+    assert sigmas[-1] < 0.8 * max(sigmas)
 
 
 def test_the_pose_is_taken_between_the_samples():
