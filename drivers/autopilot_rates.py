@@ -16,7 +16,7 @@ from drivers.autopilot_wire import Wire
 
 _log = logging.getLogger(__name__)
 
-_SET_MESSAGE_INTERVAL = 511
+_SET_MESSAGE_INTERVAL, _REQUEST_MESSAGE = 511, 512
 _HEARTBEAT, _CURRENT_MODE = 0, 436
 _ATTITUDE_QUATERNION, _LOCAL_POSITION, _GLOBAL_POSITION = 31, 32, 33
 _ODOMETRY, _WIND, _HOME = 331, 231, 242
@@ -97,6 +97,8 @@ class MessageRates:
                 answered = False
             except Refused as error:
                 _log.debug("%s", error)
+                if message == _HOME:
+                    await self._request(message)
             except LinkFailed as error:
                 _log.debug("%s", error)
                 return False
@@ -127,6 +129,15 @@ class MessageRates:
             else:
                 break
         return answered
+
+    async def _request(self, message: int) -> None:
+        """Ask for a message once, of a vehicle that does not stream it."""
+        try:
+            await self._wire.command(
+                f"message {message}", _REQUEST_MESSAGE, (float(message),), tries=1
+            )
+        except AutopilotError as error:
+            _log.debug("%s", error)
 
     async def _stream(self, message: int, rate_hz: float) -> None:
         """Ask for one stream; 0 is the rate that the vehicle itself has for it."""

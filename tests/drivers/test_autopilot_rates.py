@@ -11,7 +11,8 @@ from drivers.autopilot_rates import REST_HZ, MessageRates
 
 Start = Callable[..., Awaitable[Any]]
 POSITION_HZ = 50.0
-_POSITION, _ATTITUDE, _MODE, _HEARTBEAT = 32, 30, 436, 0
+_POSITION, _ATTITUDE, _MODE, _HEARTBEAT, _HOME = 32, 30, 436, 0, 242
+_REQUEST_MESSAGE = 512
 
 
 async def until(condition: Callable[[], bool], timeout_s: float = 10.0) -> None:
@@ -29,13 +30,17 @@ class Vehicle:
         self.heard = True
         self.answer: Exception | None = None
         self.unknown: set[int] = set()
+        self.requested: list[int] = []
         self.at_rest: Callable[[], None] = lambda: None
 
     async def command(
-        self, what: str, _command: int, parameters: Sequence[float], tries: int
+        self, what: str, command: int, parameters: Sequence[float], tries: int
     ) -> None:
         await asyncio.sleep(0)
         assert tries == 1
+        if command == _REQUEST_MESSAGE:
+            self.requested.append(int(parameters[0]))
+            return
         self.asked += 1
         if self.answer is not None:
             raise self.answer
@@ -139,3 +144,11 @@ async def test_a_real_link_tells_seldom_at_rest_and_often_after_it(fly_vehicle: 
         assert not link.awake
         link.rest(False)
         await until(lambda: link.awake and hz() == pytest.approx(POSITION_HZ, rel=0.1))
+
+
+async def test_a_vehicle_that_does_not_stream_its_home_is_asked_for_it() -> None:
+    vehicle = Vehicle()
+    vehicle.unknown = {_HOME}
+    async with keeping(vehicle) as rates:
+        await until(lambda: rates.awake)
+    assert vehicle.requested == [_HOME]
