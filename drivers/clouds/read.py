@@ -27,6 +27,8 @@ def read_cloud(path: Path) -> CloudFile:
     reader = READERS.get(path.suffix.lower())
     if reader is not None:
         return reader(path)
+    if path.is_dir():
+        raise BadFile(path, "is a folder", "name one file in it")
     known = ", ".join(READERS)
     wrong = f"its ending {path.suffix!r} is not known" if path.suffix else "has no ending"
     raise BadFile(path, wrong, f"convert it to one of {known}")

@@ -38,17 +38,17 @@ def estimate(
         float | None, typer.Option(help="Seconds added to the points' times to get the poses'.")
     ] = None,
     turbine: Annotated[
-        str | None, typer.Option(help="Type of the turbine, of config/turbines.")
+        str | None, typer.Option(help="Type of the turbine (config/turbines), where known.")
     ] = None,
-    scale: Annotated[float, typer.Option(help="Of the type's lengths.")] = 1.0,
+    scale: Annotated[float, typer.Option(help="Factor of the type's lengths.")] = 1.0,
     rotor_diameter: Annotated[
         float | None, typer.Option(min=5, max=400, help="Metres, where the type is not known.")
     ] = None,
     prior_hub: Annotated[
-        str | None, typer.Option(help="X,Y,Z: about where the hub is (5 m).")
+        str | None, typer.Option(help="X,Y,Z: about where the hub is, within 5 m.")
     ] = None,
     prior_normal: Annotated[
-        str | None, typer.Option(help="X,Y,Z: from rotor to nacelle, downwind (40 deg).")
+        str | None, typer.Option(help="X,Y,Z: from rotor to nacelle, within 40 deg.")
     ] = None,
     method: Annotated[str | None, typer.Option(help="rotor_fit or fermat (the paper's).")] = None,
     config: Annotated[

@@ -92,13 +92,24 @@ def run() -> None:
         code = ended.code
         sys.exit(_OURS.get(code, code) if isinstance(code, int) else code)
     except Exception as error:  # noqa: BLE001 - the last line of defence; logged in full below
-        log_file = Path("bladescout-error.log")
-        import traceback
-
-        log_file.write_text(traceback.format_exc())
         typer.echo(f"error: {type(error).__name__}: {error}", err=True)
-        typer.echo(f"This is a defect of bladescout; the details are in {log_file}.", err=True)
+        typer.echo(f"This is a defect of bladescout; {_kept(error)}.", err=True)
         sys.exit(int(Exit.FAILED))
+
+
+def _kept(error: Exception) -> str:
+    """Write the traceback to a file, here or where one can be written; say where it is."""
+    import tempfile
+    import traceback
+
+    for folder in (Path(), Path(tempfile.gettempdir())):
+        file = folder / "bladescout-error.log"
+        try:
+            file.write_text("".join(traceback.format_exception(error)))
+        except OSError:
+            continue
+        return f"the details are in {file}"
+    return f"no file could be written with the details: {traceback.format_exception(error)[-2]}"
 
 
 if __name__ == "__main__":

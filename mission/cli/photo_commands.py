@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mission.cli.exits import Exit, end
-from mission.cli.typed import AsJson
+from mission.cli.typed import AsJson, mission_typed
 
 if TYPE_CHECKING:
     from mission.records.locate import Located, Place
@@ -79,7 +79,7 @@ def verify(
     from mission.records.verify import NoManifest, check_manifest
 
     try:
-        found = check_manifest(folder)
+        found = check_manifest(mission_typed(folder))
     except NoManifest as error:
         end(Exit.CONFIGURATION, str(error))
     if as_json:
@@ -108,7 +108,7 @@ def export(
     from mission.records.export import CannotExport, export
 
     try:
-        done = export(mission, to, rejected=rejected)
+        done = export(mission_typed(mission), to, rejected=rejected)
     except CannotExport as error:
         end(Exit.CONFIGURATION, str(error))
     if as_json:

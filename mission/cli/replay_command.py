@@ -13,6 +13,7 @@ import typer
 
 from mission.cli.exits import Exit, end
 from mission.cli.replay_own import needs_poses, replay_own
+from mission.cli.typed import AsJson, mission_typed
 
 if TYPE_CHECKING:
     from config.settings import Settings
@@ -27,11 +28,13 @@ def replay(
     mission: Annotated[
         Path,
         typer.Argument(
-            help="A mission folder, or its recording.mcap; or LVX2, PCAP, PCAPNG of one's own."
+            metavar="MISSION",
+            help="A mission folder, or its recording.mcap; or LVX2, PCAP, PCAPNG of your own.",
         ),
     ],
     method: Annotated[
-        str | None, typer.Option(help="What another estimation.method would have found.")
+        str | None,
+        typer.Option(help="What the other method would have found: rotor_fit or fermat."),
     ] = None,
     overrides: Annotated[
         list[str] | None,
@@ -40,23 +43,28 @@ def replay(
     only: Annotated[Part, typer.Option(help="Replay only this.")] = "all",
     poses: Annotated[
         Path | None,
-        typer.Option(help="One's own data: where the body was (as estimate reads it, or a .ulg)."),
+        typer.Option(
+            help="Your own data: where the body was (as estimate reads it, or a PX4 .ulg)."
+        ),
     ] = None,
     time_offset: Annotated[
-        float | None, typer.Option(help="One's own data: seconds from its times to the poses'.")
+        float | None, typer.Option(help="Your own data: seconds from its times to the poses'.")
     ] = None,
     turbine: Annotated[
-        str | None, typer.Option(help="One's own data: type of the turbine, of config/turbines.")
+        str | None,
+        typer.Option(help="Your own data: type of the turbine (config/turbines), where known."),
     ] = None,
-    scale: Annotated[float, typer.Option(help="Of the type's lengths.")] = 1.0,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+    scale: Annotated[
+        float, typer.Option(help="Your own data: factor of the type's lengths.")
+    ] = 1.0,
+    as_json: AsJson = False,
 ) -> None:
     """Compute a recorded mission again: commands tick by tick, then estimates and exposure.
 
     Exits 6 with the first difference. With --method or --set it tells what would have been
     otherwise, on the same recorded observations, and exits 0.
 
-    Of a MID-360's recording of one's own with poses it tells what the workers of a mission would
+    Of your own recording of a MID-360, with poses, it tells what the workers of a mission would
     have said scan by scan: clearance, and each second the rotor.
     """
     from config.errors import ConfigError
@@ -77,7 +85,7 @@ def replay(
     commands: CommandReplay | None = None
     estimates: PerceptionReplay | None = None
     try:
-        recorded = RecordedMission(mission)
+        recorded = RecordedMission(mission_typed(mission))
         settings = _changed(recorded.mission.settings, changes) if changes else None
         if only != "estimates":
             commands = replay_commands(recorded, settings)

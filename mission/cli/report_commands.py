@@ -9,6 +9,7 @@ import typer
 
 from mission.cli import photo_commands
 from mission.cli.exits import Exit, end
+from mission.cli.typed import mission_typed
 
 
 def report(
@@ -36,6 +37,9 @@ def report(
     from mission.records.report_facts import BadLogo
     from mission.records.report_pdf import NoPdf, write_pdf
 
+    for place in (folder, against):
+        if place is not None:
+            mission_typed(place)
     try:
         told = _told(overrides or [])
         found = [] if findings is None else read_findings(findings, folder)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
@@ -35,6 +36,17 @@ def asked_word(option: str, given: bool, question: str) -> bool:
         return True
     _need_terminal(option)
     return typer.confirm(question, err=True)
+
+
+def mission_typed(place: Path) -> Path:
+    """Return the place of a mission that was named, or end where it can be none."""
+    if not place.exists():
+        end(Exit.CONFIGURATION, f"{place}: there is no such folder")
+    inside = sorted(place.glob("*/mission.json")) if place.is_dir() else []
+    if inside and not (place / "mission.json").exists():
+        newest = inside[-1].parent
+        end(Exit.CONFIGURATION, f"{place} holds {len(inside)} missions: name one, as {newest}")
+    return place
 
 
 def mistyped(error: ValidationError, options: Mapping[str, str]) -> NoReturn:

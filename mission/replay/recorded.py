@@ -61,6 +61,9 @@ class Mission:
     """Settings of then that this version no longer has."""
 
 
+_MAGIC = b"\x89MCAP0\r\n"
+
+
 class RecordedMission:
     """The recording of one mission: a folder that a mission left, or its MCAP file."""
 
@@ -68,6 +71,9 @@ class RecordedMission:
         self.path = place / RECORDING if place.is_dir() else place
         if not self.path.is_file():
             raise NotARecording(f"{place} holds no {RECORDING}")
+        with self.path.open("rb") as file:
+            if file.read(len(_MAGIC)) != _MAGIC:
+                raise NotARecording(f"{self.path} is no MCAP file: its first bytes are others")
         self.cut_short = False
         """Found while reading: the file ends without its summary."""
 

@@ -23,6 +23,9 @@ def run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for name, text in FILES.items():
         (tmp_path / name).write_text(text)
+    for mission in ("1-demo", "2-demo"):
+        (tmp_path / "missions" / mission).mkdir(parents=True)
+        (tmp_path / "missions" / mission / "mission.json").write_text("{}")
     (tmp_path / "notes").write_text("no TOML file by its name")
     (tmp_path / "kept" / "field").mkdir(parents=True)
     return lambda *words, **how: CliRunner().invoke(app, words, **how)
@@ -75,6 +78,12 @@ def run(tmp_path, monkeypatch):
         (("keys", "keys", "--vehicle", "heron=not a host"), ("not a host",)),
         (("estimate", "cloud.npz", "--scale", "0.6"), ("--scale 0.6", "--turbine")),
         (("verify", "kept"), ("kept", "SHA256SUMS")),
+        (("verify", "nowhere"), ("nowhere", "no such folder")),
+        (("report", "nowhere"), ("nowhere", "no such folder")),
+        (("report", "missions"), ("missions holds 2 missions", "missions/2-demo")),
+        (("replay", "missions"), ("missions holds 2 missions", "missions/2-demo")),
+        (("replay", "notes"), ("notes", "no MCAP file")),
+        (("estimate", "kept"), ("kept", "folder")),
         (("export", "kept", "--to", "out"), ("kept", "no photos")),
         (("replay", "kept"), ("kept", "recording.mcap")),
         (("locate", "bad.toml", "1", "2"), ("bad.toml", ".jpg")),

@@ -1,0 +1,39 @@
+"""The last line of defence: a defect is told in two lines, its traceback kept in a file."""
+
+import tempfile
+
+import pytest
+
+from mission.cli import main
+
+
+def broken():
+    raise RuntimeError("the sky is green")
+
+
+@pytest.fixture(autouse=True)
+def _a_defect(monkeypatch, tmp_path):
+    (tmp_path / "here").mkdir()
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    monkeypatch.setattr(main, "app", broken)
+
+
+def test_a_defect_is_told_without_a_traceback_which_is_kept_here(tmp_path, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main.run()
+    assert ended.value.code == 6
+    said = capsys.readouterr().err
+    assert "RuntimeError: the sky is green" in said
+    assert "Traceback" not in said
+    assert "Traceback" in (tmp_path / "here" / "bladescout-error.log").read_text()
+
+
+def test_where_nothing_can_be_written_here_it_is_kept_with_the_temporary_files(tmp_path, capsys):
+    (tmp_path / "here" / "bladescout-error.log").mkdir()
+    with pytest.raises(SystemExit):
+        main.run()
+    kept = tmp_path / "temporary" / "bladescout-error.log"
+    assert str(kept) in capsys.readouterr().err
+    assert "the sky is green" in kept.read_text()
