@@ -91,6 +91,11 @@ class BenchCamera:
         self._settings.append((due_s, snapped))
         return snapped, frame_s + min(_CONFIRM_S, kind.latency_s)
 
+    @property
+    def asked_ev(self) -> float:
+        """What it was last asked for."""
+        return self._asked
+
     def ev_at(self, t_s: float) -> float:
         """Return the setting that exposes a picture."""
         for due_s, ev in reversed(self._settings):

@@ -51,9 +51,22 @@ class Record:
     """True mean of the blade."""
     evs: list[float] = field(default_factory=list)
     """In force, the automatic's part left out."""
+    asked: list[float] = field(default_factory=list)
+    """What the camera was asked for after the frame."""
     clipped: list[float] = field(default_factory=list)
     reachable: list[bool] = field(default_factory=list)
     """Whether the camera had an EV that would have put the blade in range."""
+
+    def delays(self, first: int) -> list[int]:
+        """Return how many frames each setting took to show that was asked for from a frame on."""
+        changed = (
+            k for k in range(max(first, 1), len(self.asked)) if self.asked[k] != self.asked[k - 1]
+        )
+        return [
+            self.evs.index(self.asked[k], k + 1) - k
+            for k in changed
+            if self.asked[k] in self.evs[k + 1 :]
+        ]
 
     def outside(self) -> NDArray[np.bool_]:
         """Return which frames are out of range though the camera could have been right."""
@@ -93,6 +106,7 @@ class Player:
         record.greys.append(float(values.mean()))
         record.clipped.append(float((values >= 253).mean()))
         record.evs.append(camera.ev_at(t_s))
+        record.asked.append(camera.asked_ev)
         light = float(np.exp(np.log(np.maximum(radiance[region.true], 1e-5)).mean()))
         needed = camera.ev_for(light) - camera.total_ev(t_s) + camera.ev_at(t_s)
         kind = camera.kind

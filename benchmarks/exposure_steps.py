@@ -58,7 +58,9 @@ class Outcome:
     outside: int
     """Frames out of range from the event on, unless the camera was at its end."""
     answered: int
-    """Frames from the event to the first that its answer exposed: latency + 1."""
+    """Frames from one that was answered to the first that the answer exposed: latency + 1."""
+    again: int
+    """The same of the second answer: a latency varies by a frame."""
     clipped: bool
     beyond: int
     """Frames out of range on the other side of the target: overshoot."""
@@ -67,8 +69,8 @@ class Outcome:
 
     @property
     def within_goal(self) -> bool:
-        """Whether a step cost no more than (latency + 1) frames, twice that when clipped."""
-        return self.outside <= self.answered * (2 if self.clipped else 1)
+        """Whether a step cost no more than (latency + 1) frames, that of two when clipped."""
+        return self.outside <= self.answered + (self.again if self.clipped else 0)
 
 
 def events(seed: int) -> Iterator[Event]:
@@ -124,17 +126,16 @@ def _outcome(event: Event, player: Player, first: int) -> Outcome:
     record = player.record
     greys = np.array(record.greys)
     outside = record.outside()
-    evs = np.array(record.evs[first:])
-    changed = np.flatnonzero(np.abs(evs - evs[0]) > 1e-6)
     # Without an answer there is nothing to be late for but the latency itself.
-    plain = math.ceil(event.kind.latency_s * event.fps - 1e-6)
-    answered = int(changed[0]) if len(changed) else plain
+    plain = max(1, math.ceil(event.kind.latency_s * event.fps - 1e-6))
+    answered, again = (*record.delays(first), plain, plain)[:2]
     other = greys[first:] < MIN_GREY if event.change_ev > 0 else greys[first:] > MAX_GREY
     at_event = record.clipped[first] > _CLIPPED or greys[first] > BRIGHT
     return Outcome(
         event=event,
         outside=int(outside[first:].sum()),
-        answered=max(answered, 1),
+        answered=answered,
+        again=again,
         clipped=bool(at_event),
         beyond=int((other & outside[first:]).sum()),
         restless=int(outside[-event.fps :].sum()),

@@ -66,6 +66,12 @@ class Automatic:
             return 0.0
         return (self._aim_ev - self._last[1]) * (1.0 - math.exp(-self.rate * lead_s))
 
+    def pace(self) -> float:
+        """Return how fast (EV/s) it changes the exposure now."""
+        if not self._present or self._last is None or self._aim_ev is None:
+            return 0.0
+        return (self._aim_ev - self._last[1]) * self.rate
+
     def _learn(self, whole_ev: float, passed_s: float, before_ev: float) -> None:
         aim_ev = before_ev if self._aim_ev is None else self._aim_ev
         change, off = whole_ev - before_ev, aim_ev - before_ev

@@ -37,6 +37,8 @@ BEYOND_WHITE_EV = 0.5
 BEYOND_BLACK_EV = 1.5
 #: The wish moves when another step is nearer by this share of a step.
 HYSTERESIS = 0.1
+#: Share by which the automatic's pace may be misjudged: near white the curve is known least.
+UNSURE_PACE = 0.3
 #: A change of the light or the exposure within a frame beyond this (EV) is no part of a ramp.
 STEP_EV = 0.4
 #: Frames farther apart than this (s) do not show one light.
@@ -132,7 +134,7 @@ class PredictiveExposure:
         self._frames.append(seen)
         self._learn()
         lead_s = self.timeline.lead_s(period_s)
-        ahead = self.trend.ahead(lead_s) + self.automatic.ahead(lead_s)
+        ahead = self.trend.ahead(lead_s, self._doubt()) + self.automatic.ahead(lead_s)
         target_ev = self.response.ev_at(self._settings.target_grey)
         wanted_ev = target_ev - (self._frames[-1].level_ev - seen.ev) - ahead
         settled = found[1] and abs(found[0] - held) < 0.02
@@ -172,7 +174,11 @@ class PredictiveExposure:
 
     def _drift(self, passed_s: float) -> float:
         """Return by how much (EV) light and automatic are expected to change in a time."""
-        return self.automatic.ahead(passed_s) + self.trend.rate() * passed_s
+        return self.automatic.ahead(passed_s) + self.trend.rate(self._doubt()) * passed_s
+
+    def _doubt(self) -> float:
+        """Return how much (EV/s) of a rate may be the automatic's: its pace is known roughly."""
+        return UNSURE_PACE * abs(self.automatic.pace())
 
     def _follow(self, seen: _Seen) -> None:
         """Feed the trend with what the automatic does not explain, and the automatic."""
@@ -185,7 +191,7 @@ class PredictiveExposure:
             change = light - (last.level_ev - last.ev) - self.automatic.ahead(passed_s)
             if abs(change) > STEP_EV or abs(seen.ev - last.ev) > STEP_EV:
                 # A step of the light, or of the curve's error: no ramp. The trend goes on.
-                change = self.trend.rate() * passed_s
+                change = self.trend.rate(self._doubt()) * passed_s
             self._residual_ev += change
             self.trend.update(seen.stamp_s, self._residual_ev)
         if seen.histogram is not None:

@@ -125,8 +125,8 @@ class EvTimeline:
         best = int(np.argmin(changes))
         # What the learned latency says stands unless another EV explains the frame clearly better;
         # among hypotheses equally good the older setting is the careful answer, and where the
-        # level is only a bound all are equally good.
-        measured = level[0] == level[1]
+        # level, or the light before, is only a bound all are equally good.
+        measured = level[0] == level[1] and expected_light[0] == expected_light[1]
         start = usual if certain and measured else float(evs[near][-1])
         standing = _gap(level, start, expected_light)
         # A large jump that the standing EV leaves and another explains: the latency varied.

@@ -52,8 +52,11 @@ class Trend:
                 0.005, _NOISE_KEPT * self._noise_ev + (1 - _NOISE_KEPT) * second / 1.95
             )
 
-    def rate(self) -> float:
-        """Return the rate in EV/s, 0 where nothing stands out."""
+    def rate(self, doubt_ev_per_s: float = 0.0) -> float:
+        """Return the rate in EV/s, 0 where nothing stands out.
+
+        ``doubt_ev_per_s``: so much of a rate may be something else's.
+        """
         values = list(self._values)
         for width in WIDTHS:
             if len(values) < 2 * width + 1:
@@ -64,9 +67,11 @@ class Trend:
                 continue
             slope = min(abs(new), abs(old))
             if slope * (t2 - t1) > max(SIGMAS * self._noise_ev, LEAST_EV):
-                return min(slope, MAX_RATE_EV_PER_S) * (1.0 if new > 0 else -1.0)
+                left = max(min(slope, MAX_RATE_EV_PER_S) - doubt_ev_per_s, 0.0)
+                return left * (1.0 if new > 0 else -1.0)
         return 0.0
 
-    def ahead(self, lead_s: float) -> float:
+    def ahead(self, lead_s: float, doubt_ev_per_s: float = 0.0) -> float:
         """Return by how much (EV) the light is expected to have changed after a time."""
-        return min(max(GAIN * self.rate() * lead_s, -MAX_AHEAD_EV), MAX_AHEAD_EV)
+        change_ev = GAIN * self.rate(doubt_ev_per_s) * lead_s
+        return min(max(change_ev, -MAX_AHEAD_EV), MAX_AHEAD_EV)

@@ -62,3 +62,13 @@ def test_a_frame_after_a_clipped_one_may_be_any_brighter_light():
     timeline.confirmed(-1.0, 22.03)
     # A frame earlier than usual: under EV 2 the light would have had to fall, under EV -1 not.
     assert timeline.ev_of(22.12, (1.0, 1.0), (0.0, float("inf")), 0.12)[0] == -1.0
+
+
+def test_where_both_evs_explain_a_frame_after_a_clipped_one_the_older_is_taken():
+    timeline = EvTimeline()
+    play(timeline, 0.2, fps=10)
+    timeline.confirmed(0.0, 20.0)
+    timeline.asked(-1.7, 22.0)
+    timeline.confirmed(-1.7, 22.03)
+    # Hardly later than usual, and not as bright as white: the camera's automatic came first.
+    assert timeline.ev_of(22.21, (2.0, 2.0), (1.9, float("inf")), 0.06) == (0.0, True)
