@@ -20,6 +20,7 @@ from mission.cli import (
     estimate_command,
     farm_command,
     field_command,
+    guide,
     keys_command,
     live_command,
     remote_commands,
@@ -38,7 +39,7 @@ app = typer.Typer(
     help="Inspect the blades of a stopped wind turbine by drone.",
     no_args_is_help=True,
     add_completion=False,
-    rich_markup_mode="rich",
+    rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
 )
 app.command("simulate")(simulation.simulate_command)
@@ -57,6 +58,7 @@ replay_command.mount(app)
 estimate_command.mount(app)
 app.add_typer(config_command.app, name="config", help="Show and check the configuration.")
 app.add_typer(bench_command.app, name="bench", help="Measure what the README states.")
+guide.lay_out(app)
 
 
 def _version(wanted: bool) -> None:

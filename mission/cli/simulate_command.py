@@ -26,7 +26,7 @@ def simulate_command(
     scenarios: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="SCENARIO...",
+            metavar="SCENARIO",
             help="Packaged scenarios (see --list) or TOML files of your own, flown one after the "
             "other; demo where none is named.",
         ),
