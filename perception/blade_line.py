@@ -27,6 +27,11 @@ MIN_POINTS = 12
 #: The edge of a blade seen edge-on is taken from so much of its length each way, and has so many of
 #: the points before it.
 EDGE_REACH_M, EDGE_SHARE = 3.0, 0.1
+#: A chord turned out of the sight's square by more than the first tangent shows one end nearer than
+#: the other; by more than the second it is seen edge-on.
+SLANTED, EDGE_ON = 0.3, 2.6
+#: Of a section's greatest half thickness, what its skin has on average over the chord.
+MEAN_THICKNESS = 0.7
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,6 +44,9 @@ class SectionDepth:
     """(S,)"""
     edge: bool
     """The blade is seen edge-on: the nearest of what is seen is its edge."""
+    leading_w: Float | None = None
+    """(S, 3) from the axis to the chord's leading end, and so `trailing_w`: for a sight aslant."""
+    trailing_w: Float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,6 +120,8 @@ def fit_blade_line(
         half_thickness_m = float(np.interp(beside, depth.metre_m, depth.depth_m))
         # A blade tapers: each point is brought to the depth that the section at the foot has.
         there = np.interp(local[:, 0], depth.metre_m, depth.depth_m)
+        slanted = _slanted(local, beside, np.asarray(side, np.float64), view, depth)
+        there = there if slanted is None else slanted
         local = np.stack([local[:, 0], local[:, 1], local[:, 2] + there - half_thickness_m], axis=1)
     line = _line(local, beside, inlier_m)
     if line is None:
@@ -163,6 +173,35 @@ def outside_cone(
     inside = (square < radius**2) & (along > -radii_m[0]) & (along < length + radii_m[1])
     outside: Float = points_w[~inside]
     return outside
+
+
+def _slanted(
+    local: Float, beside: float, side: Float, view: Float, depth: SectionDepth
+) -> Float | None:
+    """Return how far behind each point's (N, 3) skin the axis lies, where the chord is aslant.
+
+    None where it lies about square to the sight, or edge-on.
+    """
+    if depth.edge or depth.leading_w is None or depth.trailing_w is None:
+        return None
+    lead = np.stack([depth.leading_w @ side, depth.leading_w @ view], axis=1)
+    trail = np.stack([depth.trailing_w @ side, depth.trailing_w @ view], axis=1)
+    aside, deep = (
+        [np.interp(local[:, 0], depth.metre_m, end[:, k]) for end in (lead, trail)] for k in (0, 1)
+    )
+    at = [float(np.interp(beside, depth.metre_m, end[:, 0])) for end in (lead, trail)]
+    apart = float(np.interp(beside, depth.metre_m, trail[:, 1] - lead[:, 1]))
+    turned = abs(apart) / max(abs(at[1] - at[0]), 1e-6)
+    if not SLANTED < turned < EDGE_ON:
+        return None
+    # The blade hangs beside its model: its chord is laid on the middle of what is seen of it.
+    middle, _ = _middle(local, beside, 0.0)
+    moved = (middle or 0.0) - 0.5 * (at[0] + at[1])
+    wide = np.where(np.abs(aside[1] - aside[0]) < 1e-3, 1e-3, aside[1] - aside[0])
+    share = np.clip((local[:, 1] - moved - aside[0]) / wide, 0.0, 1.0)
+    thick = MEAN_THICKNESS * np.interp(local[:, 0], depth.metre_m, depth.depth_m)
+    behind: Float = thick * math.hypot(1.0, turned) - (deep[0] + share * (deep[1] - deep[0]))
+    return behind
 
 
 @compiled

@@ -11,6 +11,7 @@ from config.photos import Positioning
 from config.turbine import Turbine
 from mission.flight.command import SensingTask
 from mission.flight.observation import BladeTrack, TurbineSeen
+from mission.flight.sides import blade_frame
 from mission.processes.turbine_sight import TurbineSight
 from perception.blade_line import SectionDepth, fit_blade_line, outside_cone
 from perception.clearance import Followed
@@ -116,6 +117,21 @@ class BladeFollower:
         )
 
 
+def _chord(turbine: Turbine, task: SensingTask) -> tuple[Float | None, Float | None]:
+    """Return both ends of the chord (S, 3) from the axis; None where the pitch is not known."""
+    told = [one for one in task.blades if one.name == task.blade and one.pitch_deg is not None]
+    if not told or told[0].pitch_deg is None or task.hub_w is None or task.normal_w is None:
+        return None, None
+    hub_w, normal_w = np.asarray(task.hub_w), np.asarray(task.normal_w)
+    axis_w, pitch = np.asarray(told[0].direction_w), told[0].pitch_deg
+    frame = blade_frame(task.blade, hub_w, normal_w, axis_w, pitch, turbine)
+    shape = turbine.blade
+    turned = np.radians(pitch + np.asarray(shape.twist_deg))[:, None]
+    lead = np.cos(turned) * frame.rotation_w + np.sin(turned) * frame.upwind_w
+    chord, share = np.asarray(shape.chord_m)[:, None], np.asarray(shape.pitch_axis)[:, None]
+    return share * chord * lead, (share - 1.0) * chord * lead
+
+
 def _unseen(
     task: SensingTask, stamp_s: float, position_w: Float, seen: TurbineSeen
 ) -> BladeTrack | None:
@@ -150,7 +166,8 @@ def _depth(turbine: Turbine | None, task: SensingTask) -> SectionDepth | None:
     metre = np.asarray(blade.span) * turbine.blade_length_m
     half = 0.5 * chord * np.asarray(blade.thickness)
     if not edge:
-        return SectionDepth(metre, half, edge)
+        leading, trailing = _chord(turbine, task)
+        return SectionDepth(metre, half, edge, leading, trailing)
     turned = np.radians(np.asarray(blade.twist_deg) - np.interp(0.5, blade.span, blade.twist_deg))
     # From the round end of the edge, twisted out of the view, to the axis.
     round_m = np.minimum(half, EDGE_ROUND * chord) if task.side == "LE" else 0.0

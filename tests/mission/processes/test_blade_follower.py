@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from config.presets import load_turbine
 from mission.flight.command import SensingMode, SensingTask
+from mission.flight.observation import BladeEstimate
 from mission.processes.blade_follower import BladeFollower
 
 TASK = SensingTask(
@@ -40,3 +42,34 @@ def test_points_of_the_nacelle_are_not_the_blades(skin):
     near = skin[(skin[:, 0] > 16.0) & (skin[:, 0] < 34.0)]
     assert BladeFollower({}).follow(TASK, near, 1.0, HERE) is not None
     assert BladeFollower({}).follow(replace(TASK, others=(around,)), near, 1.0, HERE) is None
+
+
+def test_a_blade_seen_aslant_hangs_where_it_does_whichever_end_of_the_chord_is_nearer():
+    turbine = load_turbine("nrel-1.72-103")
+    shape, rng = turbine.blade, np.random.default_rng(2)
+    metres = rng.uniform(16.0, 28.0, 2500)
+    chord, ahead = (
+        np.interp(metres / turbine.blade_length_m, shape.span, column)
+        for column in (shape.chord_m, shape.pitch_axis)
+    )
+    # Pitched by 45 deg: of the blade that is seen from the front, one end of the chord is nearer.
+    along_chord = (ahead - rng.uniform(0.0, 1.0, 2500)) * chord
+    lead = np.array([np.cos(np.pi / 4), -np.sin(np.pi / 4), 0.0])
+    hub = np.array([0.0, 12.0, 80.0])
+    axis = np.array([0.0, 0.0, 1.0])
+    root = hub + turbine.hub_radius_m * axis
+    skin = root + metres[:, None] * axis + along_chord[:, None] * lead
+    half = np.interp(metres / turbine.blade_length_m, shape.span, shape.thickness) * chord / 2
+    skin -= 0.7 * half[:, None] * np.array([np.sin(np.pi / 4), np.cos(np.pi / 4), 0.0])
+    twist = float(np.interp(22.0 / turbine.blade_length_m, shape.span, shape.twist_deg))
+    task = replace(
+        TASK, turbine="t", side="PS", hub_w=tuple(hub), normal_w=(0.0, 1.0, 0.0),
+        blade_root_w=tuple(root), blade_tip_w=tuple(root + turbine.blade_length_m * axis),
+        half_width_m=4.0, others=(),
+        blades=(BladeEstimate(TASK.blade, (0.0, 0.0, 1.0), 45.0 - twist),),
+    )  # fmt: skip
+    place = np.array([0.0, 0.0, root[2] + 22.0])
+    track = BladeFollower({"t": turbine}).follow(task, skin, 1.0, place)
+    unaware = BladeFollower({"t": turbine}).follow(replace(task, blades=()), skin, 1.0, place)
+    assert abs(track.offset_w[1]) < 0.2
+    assert abs(unaware.offset_w[1]) > 0.25
