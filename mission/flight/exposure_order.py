@@ -15,6 +15,15 @@ def ev_steps(camera: CameraState) -> EvSteps:
     return EvSteps.spaced(camera.min_ev, camera.max_ev, camera.step_ev)
 
 
+def exposure_words(camera: CameraState | None) -> str:
+    """Say how a camera is exposed, for the log."""
+    if camera is None or camera.ev is None:
+        return "the camera tells of no exposure that could be set: its own automatic exposes"
+    kind = "set" if camera.manual else "a bias of the camera's own automatic"
+    evs = ev_steps(camera).evs
+    return f"exposure is {kind}, {evs[0]:+.1f} to {evs[-1]:+.1f} EV, {len(evs)} values"
+
+
 class ExposureOrder:
     """Remembers what the camera was last told, and when."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from mission.flight.command import Action, MissionState, Phase
+from mission.flight.exposure_order import exposure_words
 from mission.flight.flight import Flight, Intent
 from mission.flight.observation import FlightMode
 from mission.flight.phases.landed import Landed
@@ -47,6 +48,7 @@ class Preflight:
             self._clean_since = now
         if now - self._clean_since < SETTLED_S:
             return Intent("preflight checks passed")
+        flight.note("camera", exposure_words(flight.observation.camera))
         vehicle = flight.vehicle
         if vehicle.in_air:
             return take_over(flight)

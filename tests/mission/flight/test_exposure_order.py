@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from mission.flight.exposure_order import EV_AGAIN_S, ExposureOrder, ev_steps
+from mission.flight.exposure_order import EV_AGAIN_S, ExposureOrder, ev_steps, exposure_words
 from mission.flight.observation import CameraState, Observation
 
 #: Thirds of a stop as most cameras list them: rounded to a tenth.
@@ -41,3 +41,11 @@ def test_an_ev_is_sent_once_and_again_only_where_the_camera_did_not_take_it():
 def test_a_camera_without_ev_is_asked_nothing(camera):
     assert ExposureOrder().due(1.0, seen(camera)) is None
     assert ExposureOrder().due(None, seen(STEPS)) is None
+
+
+def test_how_a_camera_is_exposed_is_said_plainly():
+    assert exposure_words(STEPS) == "exposure is set, -1.0 to +1.0 EV, 5 values"
+    biased = exposure_words(dataclasses.replace(LISTED, manual=False))
+    assert biased == "exposure is a bias of the camera's own automatic, -2.0 to +2.0 EV, 13 values"
+    for camera in (None, dataclasses.replace(STEPS, ev=None)):
+        assert "no exposure that could be set" in exposure_words(camera)
