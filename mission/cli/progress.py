@@ -162,7 +162,9 @@ def status_table(state: StateMessage) -> Table:
 
 
 def _height_m(state: StateMessage) -> float | None:
-    return None if state.position_w is None else state.position_w[2]
+    if state.height_m is not None or state.position_w is None:
+        return state.height_m
+    return state.position_w[2]
 
 
 def _angle(p: Progress) -> str:

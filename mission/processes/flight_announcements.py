@@ -7,7 +7,6 @@ import time
 from datetime import datetime
 
 from drivers.autopilot_announcer import Announcer, Health, Level, PhotoPlace
-from drivers.frames import swap_enu_ned
 from mission.flight.command import MissionState, Phase, Progress
 from mission.flight.events import EventRecord, Reaction
 from mission.flight.observation import Observation
@@ -89,7 +88,7 @@ class Announcements:
                 latitude_deg=latitude_deg,
                 longitude_deg=longitude_deg,
                 altitude_m=altitude_m,
-                height_m=-swap_enu_ned(taken.position_w)[2],
+                height_m=taken.position_w[2] if taken.height_m is None else taken.height_m,
                 quaternion=_quaternion_ned(taken.gimbal_yaw_rad, taken.gimbal_pitch_rad),
                 url=taken.url,
             )

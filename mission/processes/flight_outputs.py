@@ -122,6 +122,7 @@ class FlightOutputs:
             factor=self._clock.factor(),
             progress=progress,
             position_w=None if vehicle is None else vehicle.position_w,
+            height_m=None if vehicle is None else _height_m(vehicle),
             battery=None if vehicle is None else vehicle.battery,
             lidar_age_s=None if clearance is None else now_s - clearance.stamp_s,
             ev=None if camera is None else camera.ev,
@@ -151,6 +152,7 @@ class FlightOutputs:
             stamp_s=photo.stamp_s,
             utc=self._utc(photo.stamp_s),
             position_w=vehicle.position_w,
+            height_m=_height_m(vehicle),
             quaternion_wb=vehicle.quaternion_wb,
             gimbal_yaw_rad=vehicle.yaw_rad if gimbal is None else gimbal.yaw_rad,
             gimbal_pitch_rad=0.0 if gimbal is None else gimbal.pitch_rad,
@@ -228,6 +230,11 @@ class FlightOutputs:
     def _utc(self, mission_s: float) -> str:
         moment = self._utc_of_zero + timedelta(seconds=mission_s)
         return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def _height_m(vehicle: Vehicle) -> float:
+    """Return the height above take-off, where the vehicle tells where that was."""
+    return vehicle.position_w[2] - (0.0 if vehicle.home_w is None else vehicle.home_w[2])
 
 
 def _place(vehicle: Vehicle | None) -> tuple[float, float, Vec3] | None:

@@ -174,7 +174,7 @@ def _record(
         latitude_deg=taken.latitude_deg,
         longitude_deg=taken.longitude_deg,
         altitude_m=taken.altitude_m,
-        relative_altitude_m=float(moment.position_w[2]),
+        relative_altitude_m=float(moment.position_w[2]) - _home_z_m(taken),
         gps_sigma_m=math.hypot(positioning.noise_sigma_m, positioning.wander_sigma_m),
         ev=taken.ev,
         shutter_s=taken.shutter_s,
@@ -186,6 +186,11 @@ def _record(
         blur_px=verdict.blur_px,
         view=view_record(view),
     )
+
+
+def _home_z_m(taken: PhotoTakenMessage) -> float:
+    """Return where the take-off point lies in the autopilot's own frame."""
+    return 0.0 if taken.height_m is None else taken.position_w[2] - taken.height_m
 
 
 def _flight_angles(moment: PhotoMoment) -> tuple[float, float, float]:

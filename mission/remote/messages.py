@@ -220,6 +220,8 @@ class StateMessage(Message):
     factor: float
     progress: Progress
     position_w: Vec3 | None = None
+    height_m: float | None = None
+    """Above take-off: the autopilot's own origin may lie elsewhere."""
     battery: float | None = None
     lidar_age_s: float | None = None
     ev: float | None = None
@@ -254,6 +256,8 @@ class PhotoTakenMessage(Message):
     stamp_s: float
     utc: str
     position_w: Vec3
+    height_m: float | None = None
+    """Above take-off."""
     quaternion_wb: tuple[float, float, float, float]
     gimbal_yaw_rad: float
     gimbal_pitch_rad: float

@@ -137,3 +137,10 @@ def test_a_mission_that_never_flew_has_a_closing_table_too(tmp_path):
     print_summary(console, {"state": "refused", "words": "no [GPS] fix", "passes": []}, tmp_path)
     assert "no [GPS] fix" in console.file.getvalue()
     assert "None" not in console.file.getvalue()
+
+
+@pytest.mark.parametrize(("told", "shown"), [({}, "86.3 m"), ({"height_m": 70.25}, "70.2 m")])
+def test_the_height_is_above_the_take_off_where_that_is_told(told, shown):
+    console = screen(80, terminal=False)
+    console.print(status_table(state(**told)))
+    assert shown in console.file.getvalue()

@@ -52,6 +52,11 @@ def test_a_photo_knows_its_blade_side_and_metre(tmp_path):
     assert sidecar["gsd_mm"] == pytest.approx(4 * sidecar["gsd_full_mm"])
 
 
+def test_heights_count_from_the_take_off_wherever_the_autopilots_origin_lies(tmp_path):
+    moved = store(a_picture(), taken(height_m=95.0), PhotoSite("t-1"), Settings(), tmp_path)
+    assert moved.record.relative_altitude_m == pytest.approx(95.0)
+
+
 def test_exif_says_where_when_and_how(tmp_path):
     photo = store(a_picture(), taken(), PhotoSite("t-1"), Settings(), tmp_path)
     exif = piexif.load(str(tmp_path / photo.record.file))

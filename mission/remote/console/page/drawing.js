@@ -197,7 +197,7 @@ function drawVehicle(x, y, state) {
     transform: `translate(${x} ${y}) rotate(${turn})`,
   });
   const height = svg("text", { x: x + 14, y: y + 5, "font-size": 15, "font-weight": 700, class: "ink", stroke: "#f4f7f9", "stroke-width": 3, "paint-order": "stroke" });
-  height.textContent = `${state.position_w[2].toFixed(0)} m up`;
+  height.textContent = `${(state.height_m ?? state.position_w[2]).toFixed(0)} m up`;
   return svg("g", {}, arrow, height);
 }
 
