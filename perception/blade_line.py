@@ -47,6 +47,8 @@ class SectionDepth:
     leading_w: Float | None = None
     """(S, 3) from the axis to the chord's leading end, and so `trailing_w`: for a sight aslant."""
     trailing_w: Float | None = None
+    round_m: Float | None = None
+    """(S,) radius of the edge beyond the chord's end."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -180,10 +182,14 @@ def _slanted(
 ) -> Float | None:
     """Return how far behind each point's (N, 3) skin the axis lies, where the chord is aslant.
 
-    None where it lies about square to the sight, or edge-on.
+    None where it lies about square to the sight, or edge-on to a face.
     """
-    if depth.edge or depth.leading_w is None or depth.trailing_w is None:
+    if depth.leading_w is None or depth.trailing_w is None:
         return None
+    if depth.edge:
+        nearer = -np.minimum(depth.leading_w @ view, depth.trailing_w @ view)
+        edge = nearer if depth.round_m is None else nearer + depth.round_m
+        return np.asarray(np.interp(local[:, 0], depth.metre_m, edge), np.float64)
     lead = np.stack([depth.leading_w @ side, depth.leading_w @ view], axis=1)
     trail = np.stack([depth.trailing_w @ side, depth.trailing_w @ view], axis=1)
     aside, deep = (

@@ -132,6 +132,11 @@ def _chord(turbine: Turbine, task: SensingTask) -> tuple[Float | None, Float | N
     return share * chord * lead, (share - 1.0) * chord * lead
 
 
+def _size(vectors: Float) -> Float:
+    """Return the lengths (S,) of vectors (S, 3)."""
+    return np.asarray(np.linalg.norm(vectors, axis=1), np.float64)
+
+
 def _unseen(
     task: SensingTask, stamp_s: float, position_w: Float, seen: TurbineSeen
 ) -> BladeTrack | None:
@@ -173,4 +178,11 @@ def _depth(turbine: Turbine | None, task: SensingTask) -> SectionDepth | None:
     round_m = np.minimum(half, EDGE_ROUND * chord) if task.side == "LE" else 0.0
     round_m = np.where(np.asarray(blade.thickness) > ROUND_SECTION, half, round_m)
     ahead = chord * (axis if task.side == "LE" else 1.0 - axis) - round_m
-    return SectionDepth(metre, ahead * np.cos(turned) + round_m, edge)
+    leading, trailing = _chord(turbine, task)
+    # The chord's ends are the middles of the edges' round.
+    shrunk = [
+        None if end is None else end * (1 - round_m / np.maximum(_size(end), 1e-6))[:, None]
+        for end in (leading, trailing)
+    ]
+    depth = ahead * np.cos(turned) + round_m
+    return SectionDepth(metre, depth, edge, shrunk[0], shrunk[1], np.zeros(len(chord)) + round_m)
