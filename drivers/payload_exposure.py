@@ -218,11 +218,13 @@ class ExposureControl:
         self.ev, self.shutter_s = pair_ev(time_s, iso, self._zero), time_s
 
     async def _apply(self, wanted: float) -> None:
-        if self._zero is None or self._table is None:
-            await self._parameters.set(_EV, wanted)
-        else:
-            for name, value in self._table.nearest(wanted).parameters:
-                await self._parameters.set(name, value)
+        try:
+            await self._set(wanted)
+        except Refused:
+            # The camera may have done it all the same, its answer late or lost.
+            applied = await self._applied()
+            if applied is None or abs(applied - wanted) >= SAME_EV:
+                raise
         confirmed_s = self._clock.now_s()
         applied = await self._applied()
         if applied is None:
@@ -243,6 +245,13 @@ class ExposureControl:
             self.max_ev = applied
         elif applied > wanted + self.step_ev and applied < self.max_ev:
             self.min_ev = applied
+
+    async def _set(self, wanted: float) -> None:
+        if self._zero is None or self._table is None:
+            await self._parameters.set(_EV, wanted)
+        else:
+            for name, value in self._table.nearest(wanted).parameters:
+                await self._parameters.set(name, value)
 
     def _learn_steps(self) -> None:
         """Take the steps that explain what the camera made of wishes so far."""

@@ -14,7 +14,7 @@ from mission.flight.command import PhotoCommand, Progress, SensingTask
 from mission.flight.events import EventRecord
 from mission.flight.guard import GuardedCommand
 from mission.flight.machine import Machine
-from mission.flight.observation import GimbalState, Observation, Vec3, Vehicle
+from mission.flight.observation import CameraState, GimbalState, Observation, Vec3, Vehicle
 from mission.flight.plan import Plan
 from mission.processes.flight_inputs import FlightInputs
 from mission.processes.flight_pace import Pace
@@ -48,6 +48,8 @@ class FlightOutputs:
         self._factors: list[float] = []
         self._plan: Plan | None = None
         self._history: list[tuple[Vehicle, GimbalState | None]] = []
+        self._cameras: list[CameraState] = []
+        """One of each exposure that the camera confirmed of late."""
 
     def begin(self) -> None:
         """A new mission begins."""
@@ -58,6 +60,12 @@ class FlightOutputs:
         if observation.vehicle is not None:
             self._history.append((observation.vehicle, observation.gimbal))
             del self._history[:-60]
+        camera = observation.camera
+        if camera is not None and (
+            not self._cameras or camera.ev_stamp_s > self._cameras[-1].ev_stamp_s
+        ):
+            self._cameras.append(camera)
+            del self._cameras[:-20]
         message = VehicleMessage(
             vehicle=observation.vehicle, gimbal=observation.gimbal, camera=observation.camera
         )
@@ -142,7 +150,7 @@ class FlightOutputs:
         vehicle, gimbal = self._at(photo.stamp_s, newest)
         if vehicle is None:
             return None
-        camera = newest.camera
+        camera = self._set_at(photo.stamp_s, newest)
         foot = command.foot_w
         distance_m = command.distance_m if foot is None else math.dist(foot, vehicle.position_w)
         message = PhotoTakenMessage(
@@ -226,6 +234,11 @@ class FlightOutputs:
         if not self._history:
             return newest.vehicle, newest.gimbal
         return min(self._history, key=lambda pair: abs(pair[0].stamp_s - stamp_s))
+
+    def _set_at(self, stamp_s: float, newest: Observation) -> CameraState | None:
+        """Return the camera as it was set when a shutter opened: word of that comes later."""
+        confirmed = [camera for camera in self._cameras if camera.ev_stamp_s <= stamp_s]
+        return confirmed[-1] if confirmed else newest.camera
 
     def _utc(self, mission_s: float) -> str:
         moment = self._utc_of_zero + timedelta(seconds=mission_s)

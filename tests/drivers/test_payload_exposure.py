@@ -88,6 +88,28 @@ async def test_a_camera_without_a_file_is_asked_by_its_parameters(monkeypatch):
     assert (control.ev, control.max_ev) == (1.0, 1.0)
 
 
+class Late(Camera):
+    """Does what it is told; its answers come too late."""
+
+    async def set(self, name, value):
+        await super().set(name, value)
+        raise Refused(f"parameter {name}: timeout")
+
+
+async def test_a_camera_that_answers_too_late_is_believed_by_what_it_is_set_to(monkeypatch):
+    control = await told(monkeypatch, Late({"CAM_EV": 0.0, "CAM_EXPMODE": 1.0}), 2 / 3)
+    assert control.ev == pytest.approx(2 / 3)
+    assert control.ev_stamp_s == 5.0
+    assert control.refusals == 0
+
+
+async def test_a_camera_that_refuses_keeps_its_exposure_and_says_so(monkeypatch):
+    camera = Camera({"CAM_EV": 0.0}, refuses=("CAM_EV",))
+    control = await told(monkeypatch, camera, 2 / 3)
+    assert control.ev == 0.0
+    assert control.refusals > 0
+
+
 async def test_a_camera_that_tells_nothing_and_rounds_shows_its_steps(monkeypatch):
     halves = tuple(k / 2 for k in range(-6, 7))
     camera = Camera({"CAM_EV": 0.0}, {"CAM_EV": halves})
