@@ -117,13 +117,19 @@ def test_the_variable_and_the_override_of_the_readme_are_understood():
 
 def test_the_python_example_uses_names_that_exist():
     tree = ast.parse("\n".join(blocks("python")))
-    imported = [a.name for n in ast.walk(tree) if isinstance(n, ast.ImportFrom) for a in n.names]
+    lines = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+    assert {line.module for line in lines} == {"bladescout"}
+    imported = [name.name for line in lines for name in line.names]
     assert set(imported) <= set(bladescout.__all__)
     called = {
         node.func.attr
         for node in ast.walk(tree)
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)
+        if isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Attribute)
+        and isinstance(node.func.value, ast.Name)
+        and node.func.value.id == "drone"
     }
+    assert called
     assert called <= set(dir(bladescout.Client))
 
 
