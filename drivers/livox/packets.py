@@ -94,10 +94,13 @@ class ImuSample:
     acc_g: tuple[float, float, float]
 
 
-def read_header(buffer: bytes | bytearray | memoryview, size: int) -> Header | None:
+def read_header(
+    buffer: bytes | bytearray | memoryview, size: int, *, summed: bool = True
+) -> Header | None:
     """Return the header of a point packet of ``size`` bytes, or None where it is not one.
 
-    The check sum is 0 in point packets of today's firmware; another value must be right.
+    The check sum is 0 in point packets of today's firmware; another value must be right, unless
+    ``summed`` says that it is not looked at.
     """
     if not HEADER_BYTES < size <= len(buffer):
         return None
@@ -109,7 +112,7 @@ def read_header(buffer: bytes | bytearray | memoryview, size: int) -> Header | N
         return None
     if not points or HEADER_BYTES + points * point_bytes != size:
         return None
-    if crc and zlib.crc32(memoryview(buffer)[_CRC_FROM:size]) != crc:
+    if summed and crc and zlib.crc32(memoryview(buffer)[_CRC_FROM:size]) != crc:
         return None
     interval_ns = interval * 100
     if not _FASTEST_NS * points < interval_ns < _SLOWEST_NS * points:

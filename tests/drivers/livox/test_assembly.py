@@ -1,5 +1,6 @@
 """From packets to scans, over a bad network and from a sensor that misbehaves."""
 
+import zlib
 from collections import Counter
 
 import numpy as np
@@ -239,3 +240,24 @@ def test_a_sensor_that_is_synchronised_in_flight_goes_on_after_half_a_second():
     rig = Rig().feed(before)
     rig.feed(after[:2084], delay_s=-1_790_000_000.0 + 0.5)
     assert len(rig.scans) == pytest.approx(5 + 10 - 5, abs=2)
+
+
+def with_sums(datagrams, wrong):
+    summed = []
+    for datagram in datagrams:
+        value = zlib.crc32(datagram[28:]) ^ wrong
+        summed.append(datagram[:24] + value.to_bytes(4, "little") + datagram[28:])
+    return summed
+
+
+def test_a_sensor_whose_check_sums_are_of_another_kind_is_read_without():
+    rig = Rig().feed(with_sums(packets(2084), wrong=0x5A5A))
+    assert len(rig.scans) == pytest.approx(7, abs=1)
+    assert rig.dropped[Dropped.MALFORMED] == 512
+
+
+def test_a_damaged_packet_of_a_sensor_with_check_sums_is_dropped():
+    good = with_sums(packets(2084), wrong=0)
+    damaged = [d if k % 3 else with_sums([d], wrong=1)[0] for k, d in enumerate(good)]
+    rig = Rig().feed(damaged)
+    assert rig.dropped[Dropped.MALFORMED] == pytest.approx(695)
