@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.faults import camera, host, kills, processes, recordings, sensing, vehicle
+from tests.faults import camera, host, kills, processes, recordings, sensing, storm, vehicle
 from tests.faults.fault import Fault
 
 CASES = {
@@ -48,7 +48,7 @@ CASES = {
     40: "The disk is full, read-only, slow",
     41: "Mistakes in the configuration",
     42: "Two daemons on one vehicle",
-    43: "Soak",
+    43: "Soak, and small faults without end",
     44: "Requests that are none",
     45: "Requests of those who may not",
     46: "Many requests, an abort in any phase, a lost router",
@@ -64,6 +64,7 @@ FAULTS: tuple[Fault, ...] = tuple(
             *processes.ROWS,
             *kills.ROWS,
             *recordings.ROWS,
+            *storm.ROWS,
         ),
         key=lambda fault: fault.number,
     )
