@@ -10,12 +10,18 @@ from urllib.parse import quote
 
 from mission.records.files import COMPARISON, write_whole
 from mission.records.mission_file import MissionFile, PassPart, PhotoPart, read_mission
-from mission.records.report import render, thumbnail_data
+from mission.records.photo_record import NotARecord, PhotoRecord, read_record
+from mission.records.report import picture_data, read_picture, render, thumbnail_data
 from mission.records.report_facts import local, told_in
+from mission.records.turned_photo import shown_m, turned
 
 #: Photos of two visits show the same place when their metres are this near.
 SAME_M = 1.5
 PICTURE_PX = 480
+#: Turned along the blade: width and height.
+TURNED_PX = (600, 330)
+#: Of the stretch that a photo shows: what the other shows beside the middle is seen too.
+WIDER = 1.2
 MAX_PAGE_BYTES = 14_000_000
 _MOST_PICTURE_BYTES = 40_000
 
@@ -32,6 +38,8 @@ class Shot:
     link: str
     data: str
     """JPEG, base64; empty: the file is gone."""
+    turned: bool
+    """Root to the left, about the pair's metre; else the photo as it was taken."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +47,8 @@ class Pair:
     """The same place in both visits; None: that visit has no photo there."""
 
     metre: float
+    stretch: tuple[float, float] | None
+    """The metres that both pictures show, left to right; None: not known of either."""
     newer: Shot | None
     older: Shot | None
 
@@ -74,14 +84,7 @@ def write_comparison(folder: Path, older_folder: Path) -> Path:
     sides = []
     for (serial, side), pairs in matched.items():
         mine, theirs = blades[serial]
-        shots = tuple(
-            Pair(
-                _metre((a, b)),
-                None if a is None else _shot(folder, folder, a, budget),
-                None if b is None else _shot(older_folder, folder, b, budget),
-            )
-            for a, b in pairs
-        )
+        shots = tuple(_pair(folder, older_folder, a, b, budget) for a, b in pairs)
         flown = _pass(newer, mine, side), _pass(older, theirs, side)
         if flown != (None, None):
             sides.append(SidePair(serial, side, mine, theirs, *flown, shots))
@@ -156,6 +159,50 @@ def _metre(pair: tuple[PhotoPart | None, PhotoPart | None]) -> float:
     return next(photo.metre for photo in pair if photo is not None)
 
 
-def _shot(folder: Path, page_folder: Path, photo: PhotoPart, budget: int) -> Shot:
-    link = os.path.relpath(folder / photo.file, page_folder)
-    return Shot(photo, quote(link), thumbnail_data(folder / photo.file, PICTURE_PX, budget))
+def _pair(
+    folder: Path, older_folder: Path, mine: PhotoPart | None, theirs: PhotoPart | None, budget: int
+) -> Pair:
+    """Return both photos of a place, where that can be told as the same stretch of the blade."""
+    given = [(at, one) for at, one in ((folder, mine), (older_folder, theirs)) if one is not None]
+    metre = sum(one.metre for _, one in given) / len(given)
+    records = {one.file: _record(at / one.file) for at, one in given}
+    shown = [m for record in records.values() if record is not None and (m := shown_m(record))]
+    span = WIDER * min(shown) if shown else None
+    newer, older = (
+        None if one is None else _shot(at, folder, one, _Stretch(metre, span), budget)
+        for at, one in ((folder, mine), (older_folder, theirs))
+    )
+    known = span is not None and any(one is not None and one.turned for one in (newer, older))
+    stretch = (metre - span / 2, metre + span / 2) if span is not None and known else None
+    return Pair(metre, stretch, newer, older)
+
+
+@dataclass(frozen=True, slots=True)
+class _Stretch:
+    metre: float
+    span_m: float | None
+
+
+def _record(path: Path) -> PhotoRecord | None:
+    try:
+        return read_record(path)
+    except NotARecord:
+        return None
+
+
+def _shot(
+    folder: Path, page_folder: Path, photo: PhotoPart, stretch: _Stretch, budget: int
+) -> Shot:
+    path = folder / photo.file
+    link = quote(os.path.relpath(path, page_folder))
+    record = _record(path)
+    if record is not None and stretch.span_m is not None:
+        picture = read_picture(path, max(TURNED_PX))
+        seen = (
+            None
+            if picture is None
+            else turned(picture, record, stretch.metre, stretch.span_m, TURNED_PX)
+        )
+        if seen is not None:
+            return Shot(photo, link, picture_data(seen, budget), turned=True)
+    return Shot(photo, link, thumbnail_data(path, PICTURE_PX, budget), turned=False)

@@ -33,8 +33,9 @@ from mission.records.mission_file import (
     PhotoPart,
     read_mission,
 )
+from mission.records.not_inspected import not_asked, not_inspected, skins_of
 from mission.records.photo_record import NotARecord, read_record, stored_records
-from mission.records.report_blade_map import not_asked, not_inspected, side_maps, skins_of
+from mission.records.report_blade_map import side_maps, skin_seen
 from mission.records.report_course import bar, clock, happenings, labelled, plots
 from mission.records.report_facts import changed_settings, facts, local, logo_data, told_in
 from mission.records.report_rotor import rotor_picture
@@ -102,7 +103,8 @@ def write_report(
         logo=logo_data(settings.logo),
         facts=facts(mission),
         rotor_picture=rotor_picture(mission),
-        maps=side_maps(mission, skins),
+        maps=side_maps(mission, skins, findings),
+        skin_seen=skin_seen(mission, skins),
         missing=not_inspected(mission, skins),
         not_asked=not_asked(mission),
         curves=curves(mission, tones),
@@ -207,20 +209,25 @@ def _sheets(folder: Path, mission: MissionFile) -> list[Sheet]:
 
 def thumbnail_data(path: Path, width_px: int, most_bytes: int) -> str:
     """Return a photo reduced to a width, as base64 of a JPEG; empty where it cannot be read."""
-    picture = _read(path, width_px)
+    picture = read_picture(path, width_px)
     if picture is None:
         return ""
     return _base64(picture, width_px, most_bytes)
 
 
+def picture_data(picture: NDArray[np.uint8], most_bytes: int) -> str:
+    """Return a picture as base64 of a JPEG."""
+    return base64.b64encode(_jpeg(picture, most_bytes)).decode()
+
+
 def _base64(picture: NDArray[np.uint8], width_px: int, most_bytes: int) -> str:
     scale = min(1.0, width_px / picture.shape[1])
     small = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    return base64.b64encode(_jpeg(np.asarray(small, np.uint8), most_bytes)).decode()
+    return picture_data(np.asarray(small, np.uint8), most_bytes)
 
 
 def _thumbnail(folder: Path, photo: PhotoPart) -> Thumbnail | None:
-    picture = _read(folder / photo.file)
+    picture = read_picture(folder / photo.file)
     if picture is None:
         return None
     data = _base64(picture, THUMBNAIL_PX, MAX_THUMBNAIL_BYTES)
@@ -235,7 +242,8 @@ def _tones(path: Path, picture: NDArray[np.uint8]) -> Tones | None:
     return tones_of(picture, record.view, record.width_px)
 
 
-def _read(path: Path, width_px: int = THUMBNAIL_PX) -> NDArray[np.uint8] | None:
+def read_picture(path: Path, width_px: int = THUMBNAIL_PX) -> NDArray[np.uint8] | None:
+    """Return a photo at least as wide as that where it is, else as it is; None: unreadable."""
     # The decoder's own reduction is many times quicker than decoding all of a large picture.
     for flag in (cv2.IMREAD_REDUCED_COLOR_4, cv2.IMREAD_COLOR):
         picture = cv2.imread(str(path), flag)

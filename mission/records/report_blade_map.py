@@ -9,36 +9,23 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 
+from mission.records.findings import Finding
 from mission.records.mission_file import MissionFile, PassPart, PhotoPart, ShapePart
-from mission.records.photo_record import PhotoRecord
-from mission.records.skin_map import BINS, ROWS, Bools, SkinMap, skin_map
+from mission.records.not_inspected import LIMIT_MM, Skins, gaps_of, photos_of
+from mission.records.skin_map import BINS, ROWS, SkinMap
 from perception.values import Float
 
 WIDTH, MIDDLE, HALF_HEIGHT = 1000.0, 34.0, 27.0
 _GRID_STEPS_M = (5, 10, 20, 25, 50)
 _MOST_GRID_LINES = 9
 _OUTLINE_STATIONS = 60
-_LIMIT_MM = 1.5
-"""The wanted GSD where a mission does not tell it."""
 _LEVELS = 10
 """Steps of colour up to the limit."""
 _KNOTS = 5
 """A patch's edge follows the outline at every so many bins."""
-_LEAST_GAP_M = 1.0
-_STRIPS = (
-    ("towards the suction side", "along the edge", "towards the pressure side"),
-    ("towards the leading edge", "along the middle", "towards the trailing edge"),
-)
-_WHY = (
-    "beside every kept picture",
-    "only in pictures that are too coarse",
-    "only seen too flat, at more than 60°",
-)
-Skins: TypeAlias = Mapping[tuple[str, str], SkinMap]
 #: Finer than this looks the same on the map; the coarsest is where the wanted limit lies.
 _FINE, _COARSE = (17, 66, 105), (148, 190, 219)
 _TOO_COARSE = "#d68a2d"
@@ -100,32 +87,22 @@ class SideMap:
     true_coverage: float | None
     skin: tuple[Patch, ...] = ()
     """The skin itself, where the photos' records tell of it; `seen` and the rest are then idle."""
+    findings: tuple[Dot, ...] = ()
+    """Each with its number and its severity, at its place on the chord where that is known."""
 
 
-@dataclass(frozen=True, slots=True)
-class NotInspected:
-    """A stretch that no kept photo shows, and why."""
-
-    blade: str
-    side: str
-    from_m: float
-    to_m: float
-    why: str
+def skin_seen(mission: MissionFile, skins: Skins) -> float | None:
+    """Return the share of the skin that kept photos show, of all sides asked for; None: unknown."""
+    flown = [one for one in mission.passes if (one.blade, one.side) in skins]
+    if not flown or len(flown) < len(mission.passes):
+        return None
+    length_m = sum(one.length_m for one in flown)
+    return sum(one.coverage * one.length_m for one in flown) / max(length_m, 1e-6)
 
 
-def skins_of(mission: MissionFile, records: Sequence[PhotoRecord]) -> Skins:
-    """Return the skin of every pass that the photos' records tell of, by blade and side."""
-    limit_mm = mission.inspection.max_gsd_mm or _LIMIT_MM
-    found = {}
-    for one in mission.passes:
-        mine = [record for record in records if record.blade == one.blade]
-        skin = skin_map(mine, one.side, one.length_m, limit_mm)
-        if skin is not None:
-            found[one.blade, one.side] = skin
-    return found
-
-
-def side_maps(mission: MissionFile, skins: Skins | None = None) -> list[SideMap]:
+def side_maps(
+    mission: MissionFile, skins: Skins | None = None, findings: Sequence[Finding] = ()
+) -> list[SideMap]:
     """Return the map of every pass, in the order of blades and sides."""
     truth: Mapping[str, Mapping[str, float | None]]
     truth = {} if mission.truth is None else mission.truth.coverage
@@ -134,19 +111,15 @@ def side_maps(mission: MissionFile, skins: Skins | None = None) -> list[SideMap]
     return [
         _side_map(
             one,
-            _photos_of(mission, one),
+            photos_of(mission, one),
             shape,
             limit_mm,
             truth.get(one.blade, {}).get(one.side),
             (skins or {}).get((one.blade, one.side)),
+            [found for found in findings if (found.blade, found.side) == (one.blade, one.side)],
         )
         for one in mission.passes
     ]
-
-
-def _photos_of(mission: MissionFile, one: PassPart) -> list[PhotoPart]:
-    place = (one.blade, one.side)
-    return [photo for photo in mission.photo_list if (photo.blade, photo.side) == place]
 
 
 def _side_map(
@@ -156,6 +129,7 @@ def _side_map(
     limit_mm: float | None,
     true_coverage: float | None,
     skin: SkinMap | None,
+    findings: Sequence[Finding],
 ) -> SideMap:
     scale = WIDTH / max(one.length_m, 1e-6)
     kept = sorted((p for p in photos if p.kept), key=lambda photo: photo.metre)
@@ -192,8 +166,16 @@ def _side_map(
         tuple(dots),
         tuple(metres),
         true_coverage,
-        () if skin is None else _patches(one, skin, shape, limit_mm or _LIMIT_MM),
+        () if skin is None else _patches(one, skin, shape, limit_mm or LIMIT_MM),
+        tuple(_finding(found, one, shape) for found in findings),
     )
+
+
+def _finding(found: Finding, one: PassPart, shape: ShapePart) -> Dot:
+    share = min(max(found.metre / max(one.length_m, 1e-6), 0.0), 1.0)
+    top, bottom = (float(edge[0]) for edge in _edges(shape, one.side, np.array([share])))
+    down = found.chord if found.chord is not None and one.side in ("PS", "SS") else 0.5
+    return Dot(WIDTH * share, top + down * (bottom - top), str(found.number), f"s{found.severity}")
 
 
 def _by_nearest(
@@ -214,7 +196,7 @@ def _by_nearest(
 
 def gsd_colour(gsd_mm: float | None, limit_mm: float | None) -> str:
     """Return the map's colour for a pixel's size: dark is fine, orange is above the limit."""
-    limit = limit_mm or _LIMIT_MM
+    limit = limit_mm or LIMIT_MM
     if gsd_mm is None:
         return "#7d93a3"
     if gsd_mm > limit:
@@ -222,66 +204,6 @@ def gsd_colour(gsd_mm: float | None, limit_mm: float | None) -> str:
     share = min(max((gsd_mm / limit - 0.4) / 0.6, 0.0), 1.0)
     mixed = [round(a + share * (b - a)) for a, b in zip(_FINE, _COARSE, strict=True)]
     return "#" + "".join(f"{value:02x}" for value in mixed)
-
-
-def gaps_of(one: PassPart) -> list[tuple[float, float]]:
-    """Return what no kept photo shows of a side and was not out of reach: (from, to) metres."""
-    covered = sorted([*one.photographed_m, *((gap.from_m, gap.to_m) for gap in one.unseen)])
-    found, at = [], 0.0
-    for low, high in covered:
-        if low > at + 0.05:
-            found.append((at, low))
-        at = max(at, high)
-    if one.length_m > at + 0.05:
-        found.append((at, one.length_m))
-    return found
-
-
-def not_inspected(mission: MissionFile, skins: Skins | None = None) -> list[NotInspected]:
-    """Return everything that was asked for and not seen, and why: metres, and strips of skin."""
-    found = []
-    for one in mission.passes:
-        found += [
-            NotInspected(one.blade, one.side, gap.from_m, gap.to_m, gap.reason)
-            for gap in one.unseen
-        ]
-        photos = _photos_of(mission, one)
-        found += [
-            NotInspected(one.blade, one.side, low, high, _why(mission, one, photos, low, high))
-            for low, high in gaps_of(one)
-        ]
-        skin = (skins or {}).get((one.blade, one.side))
-        if skin is not None:
-            found += _skin_gaps(one, skin)
-    return sorted(found, key=lambda gap: (gap.blade, gap.side, gap.from_m))
-
-
-def _why(
-    mission: MissionFile, one: PassPart, photos: Sequence[PhotoPart], low: float, high: float
-) -> str:
-    if one.skipped:
-        return "the pass was skipped"
-    rejected = [p for p in photos if not p.kept and low - 1.0 <= p.metre <= high + 1.0]
-    if rejected:
-        return f"photo rejected: {rejected[0].reason}"
-    if not photos:
-        ended = mission.state != "completed"
-        return f"not flown: {mission.words}" if ended else "no photo was taken"
-    return (
-        "between two photos"
-        if any(p.metre < low for p in photos) and any(p.metre > high for p in photos)
-        else "beyond the first or last photo"
-    )
-
-
-def not_asked(mission: MissionFile) -> list[str]:
-    """Return the sides of each blade that nobody asked for, as words."""
-    flown = {(one.blade, one.side) for one in mission.passes}
-    missing = {
-        blade: [side for side in ("PS", "SS", "LE", "TE") if (blade, side) not in flown]
-        for blade in "ABC"
-    }
-    return [f"blade {blade}: {', '.join(sides)}" for blade, sides in missing.items() if sides]
 
 
 def _edges(shape: ShapePart, side: str, span: Float) -> tuple[Float, Float]:
@@ -351,32 +273,3 @@ def _look(one: PassPart, skin: SkinMap, row: int, column: int, limit_mm: float) 
     metre = (column + 0.5) * one.length_m / BINS
     away = any(gap.from_m <= metre <= gap.to_m for gap in one.unseen)
     return ("unseen" if away else "missed"), 0
-
-
-def _skin_gaps(one: PassPart, skin: SkinMap) -> list[NotInspected]:
-    """Return where a strip of a side's skin is in no kept photo although its metres are."""
-    named = [*gaps_of(one), *((gap.from_m, gap.to_m) for gap in one.unseen)]
-    step = one.length_m / BINS
-    metres = (np.arange(BINS) + 0.5) * step
-    told = np.zeros(BINS, bool)
-    for low, high in named:
-        told |= (metres >= low) & (metres <= high)
-    found = []
-    for strip, rows in enumerate(np.array_split(np.arange(ROWS), 3)):
-        mine, seen = skin.on_side[rows].sum(axis=0), skin.seen[rows].sum(axis=0)
-        bad = (mine > 0) & (seen < 0.5 * mine) & ~told
-        for begin, end in _runs(bad):
-            if (end - begin) * step < _LEAST_GAP_M:
-                continue
-            cells = (skin.on_side & ~skin.seen)[rows, begin:end]
-            why = int(np.bincount(skin.why[rows, begin:end][cells]).argmax())
-            where = _STRIPS[one.side in ("PS", "SS")][strip]
-            words = f"{where}: {_WHY[why]}"
-            found.append(NotInspected(one.blade, one.side, begin * step, end * step, words))
-    return found
-
-
-def _runs(flags: Bools) -> list[tuple[int, int]]:
-    """Return (begin, end) of the stretches that are set."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -17,6 +17,7 @@ from config.report import Report
 from config.settings import Settings
 from mission.records.files import CONFIG
 from mission.records.mission_file import MissionFile
+from mission.records.report_course import clock
 
 _LOGO_KINDS = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg", ".svg": "svg+xml"}
 MAX_LOGO_BYTES = 500_000
@@ -53,7 +54,7 @@ def facts(mission: MissionFile) -> list[Fact]:
         ("Site", mission.site),
         ("Turbine", mission.turbine),
         ("Blades", serials or "serial numbers not given"),
-        ("Date", local(mission.started_utc, told.time_zone)),
+        ("Date", f"{local(mission.started_utc, told.time_zone)}, {clock(mission.duration_s)} min"),
         ("Flights", flights(mission)),
         ("Customer", told.customer),
         ("Inspected by", told.company),

@@ -3,7 +3,9 @@ import json
 import pytest
 
 from mission.records.findings import BadFindings, read_findings
+from mission.records.mission_file import read_mission
 from mission.records.report import write_report
+from mission.records.report_blade_map import side_maps
 
 CSV = """type,severity,blade,side,metre,chord,size_mm,text,photo
 Erosion,3,A,PS,11.4,0.03,420,over 2 m,
@@ -37,6 +39,23 @@ def test_the_report_draws_them_at_their_metre_and_lists_them(mission_dir, tmp_pa
     assert "Lightning mark" in text
     assert "420 mm" in text
     assert 'id="findings"' not in write_report(mission_dir).read_text()
+
+
+def test_a_finding_is_drawn_where_it_lies_on_the_chord(mission_dir, tmp_path):
+    text = (
+        CSV.splitlines()[0] + "\nCrack,3,A,PS,10,0,,,\nCrack,3,A,PS,10,1,,,\nCrack,3,A,PS,10,,,,\n"
+    )
+    mission = read_mission(mission_dir)
+    (side,) = (
+        one
+        for one in side_maps(mission, findings=read_findings(written(tmp_path, text), mission_dir))
+        if one.findings
+    )
+    leading, trailing, unknown = (dot.y for dot in side.findings)
+    outline = [tuple(map(float, one.split(","))) for one in side.outline.split()]
+    near = sorted(y for x, y in outline if abs(x - 1000 * 10 / 33.25) < 12)
+    assert (leading, trailing) == pytest.approx((near[0], near[-1]), abs=0.5)
+    assert unknown == pytest.approx((leading + trailing) / 2)
 
 
 def test_a_finding_names_its_photo_by_path_or_by_name(mission_dir, tmp_path):

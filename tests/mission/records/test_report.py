@@ -9,13 +9,14 @@ import pytest
 
 from mission.records import report as report_module
 from mission.records.mission_file import read_mission
+from mission.records.not_inspected import not_inspected
 from mission.records.report import (
     MAX_THUMBNAIL_BYTES,
     BadTemplate,
     NotAMission,
     write_report,
 )
-from mission.records.report_blade_map import not_inspected, side_maps
+from mission.records.report_blade_map import side_maps
 from mission.records.report_course import clock
 from mission.records.report_facts import BadLogo
 from mission.records.report_rotor import rotor_picture

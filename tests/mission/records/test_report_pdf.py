@@ -48,7 +48,7 @@ def test_without_a_browser_it_is_said_what_to_install(mission_dir, tmp_path, mon
         (["--set", "report.nonsense=3"], "report.nonsense"),
         (["--set", "report.time_zone=Nowhere"], "time zone"),
         (["--findings", "nothing.csv"], "cannot be read"),
-        (["--against", "nothing"], "holds no mission.json"),
+        (["--against", "nothing"], "there is no such folder"),
     ],
 )
 def test_what_cannot_be_reported_is_refused_in_one_sentence(mission_dir, options, words):

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from mission.records.mission_file import MissionFile, read_mission
+from mission.records.not_inspected import not_inspected
 from mission.records.photo_record import Station, View, stored_records
-from mission.records.report_blade_map import not_inspected, side_maps
+from mission.records.report_blade_map import side_maps
 from mission.records.skin_map import BINS, ROWS, Why, skin_map
 from perception.geometry import camera_looking_along, quaternion_from_rotation
 
