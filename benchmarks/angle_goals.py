@@ -8,9 +8,11 @@ from typing import NamedTuple
 
 from benchmarks import angle
 from benchmarks.angle import Table, fog_row, stratum_row
-from benchmarks.angle_summary import STRATA_DEG, Row, row
+from benchmarks.angle_summary import STRATA_DEG, Row, in_strata, row
 from benchmarks.blade_family import DRAWN, HELD_OUT
 
+#: Scenes of a stratum that are worth a figure.
+LEAST_TRIALS = 20
 #: Key of the share of errors that a sigma should hardly ever miss by.
 FAR_OFF = "beyond_4_sigma"
 
@@ -37,7 +39,7 @@ def goals(table: Table) -> list[Goal]:
     return [
         *_of_ours(rows.get(angle.OURS, {})),
         *_of_sigma(table),
-        *_of_strata(rows),
+        *_of_strata(table),
         *_of_known(rows),
         *_of_weather(rows),
         *_of_paper(rows),
@@ -82,8 +84,16 @@ def _of_sigma(table: Table) -> list[Goal]:
     ]
 
 
-def _of_strata(rows: dict[str, Row]) -> list[Goal]:
-    parts = [rows[stratum_row(low)] for low in STRATA_DEG if stratum_row(low) in rows]
+def _of_strata(table: Table) -> list[Goal]:
+    """Of every 15 deg of pitch, by the nominal scenes and those drawn for the stratum.
+
+    Too few scenes say nothing of a stratum's worst.
+    """
+    nominal = in_strata(table.trials.get(angle.OURS, []))
+    gathered = [
+        nominal.get(low, []) + table.trials.get(stratum_row(low), []) for low in STRATA_DEG
+    ]
+    parts = [row(trials) for trials in gathered if len(trials) >= LEAST_TRIALS]
     limits = (("mean_deg", 0.4), ("p95_deg", 1.0), ("bias_deg", 0.2))
     return (
         [

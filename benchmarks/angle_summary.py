@@ -49,14 +49,19 @@ def row(trials: Sequence[Trial]) -> Row:
     return out | _of_geometry(good) | _of_sigma(good) | _of_pitch(good)
 
 
-def strata(trials: Sequence[Trial]) -> dict[str, Row]:
-    """Return a row for each 15 deg of the blades' median pitch."""
-    rows = {}
+def in_strata(trials: Sequence[Trial]) -> dict[int, list[Trial]]:
+    """Return the trials of each 15 deg of the blades' median pitch, by its lower end."""
+    parts: dict[int, list[Trial]] = {}
     for low in STRATA_DEG:
         part = [t for t in trials if low <= min(max(t.pitch_deg, 0.0), 89.9) < low + 15]
         if part:
-            rows[f"{low}-{low + 15}"] = row(part)
-    return rows
+            parts[low] = part
+    return parts
+
+
+def strata(trials: Sequence[Trial]) -> dict[str, Row]:
+    """Return a row for each 15 deg of the blades' median pitch."""
+    return {f"{low}-{low + 15}": row(part) for low, part in in_strata(trials).items()}
 
 
 def _of_geometry(good: Sequence[Trial]) -> Row:

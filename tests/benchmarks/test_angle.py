@@ -19,6 +19,7 @@ from benchmarks.angle import (
     measure,
     on_a_site,
     one,
+    stratum_row,
 )
 from benchmarks.angle_active import fly_estimate
 from benchmarks.angle_goals import goals
@@ -114,6 +115,16 @@ def test_goals_tell_what_was_reached_and_what_was_not():
     assert told["ours: within 1 deg"].measured == pytest.approx(0.99)
     assert told["the paper's method: mean"].met is None
     assert told["ours: within 1 sigma"].met is False
+
+
+def test_a_stratum_is_judged_by_all_its_scenes_and_not_by_a_few():
+    table = Table()
+    for k in range(15):
+        table.add(OURS, _trial(0.1 if k else 0.5, pitch=33.0))
+        table.add(stratum_row(30), _trial(0.3, pitch=33.0))
+        table.add(OURS, _trial(5.0, pitch=70.0))
+    told = {goal.what: goal.measured for goal in goals(table)}
+    assert told["worst stratum of pitch: mean"] == pytest.approx((14 * 0.1 + 0.5 + 15 * 0.3) / 30)
 
 
 def test_kept_outcomes_of_several_files_are_summed_and_a_scene_counts_once(tmp_path):
