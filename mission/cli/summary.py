@@ -16,11 +16,14 @@ _COLUMNS = (
     ("blade", ""),
     ("side", ""),
     ("planned", "m"),
-    ("coverage", "%"),
+    ("coverage", "of skin"),
     ("distance", "m"),
     ("rms", "m"),
     ("clearance", "m"),
     ("photos", "kept"),
+)
+_COVERAGE = (
+    "coverage: of the side's skin, as the kept photos show it; under way: of the metres planned"
 )
 _STATE_STYLE = {"completed": "bold green", "ended_safely": "bold yellow"}
 
@@ -41,6 +44,8 @@ def print_summary(console: Console, mission: Mapping[str, object], folder: Path)
     """Print state, figures, passes and where the report lies."""
     if mission.get("passes"):
         console.print(_passes(mission))
+        console.print(Text(_COVERAGE, style="dim"))
+        console.print()
     table = Table.grid(padding=(0, 2))
     table.add_column(style="dim")
     table.add_column()

@@ -126,6 +126,7 @@ def test_the_closing_table_fits_80_columns_and_says_why_a_mission_ended(tmp_path
     print_summary(console, mission, tmp_path)
     shown = console.file.getvalue()
     assert "…" not in shown
+    assert "of the side's skin" in shown
     row = next(line for line in shown.splitlines() if "133.2" in line)
     assert row.split() == ["A", "PS", "133.2", "100%", "12.01", "0.14", "10.9", "105"]
     for words in ("ended_safely", "the battery is low", "4.9 simulated minutes", "error -0.04 deg"):
