@@ -50,9 +50,6 @@ class Logbook:
 
     def progress(self, flight: Flight, phase: Phase, intent: Intent) -> Progress:
         """Return what an operator is shown at a tick."""
-        leg = None
-        if flight.plan is not None and flight.leg_index < len(flight.plan.legs):
-            leg = flight.plan.legs[flight.leg_index]
         clearance = flight.observation.clearance
         near = None
         if clearance is not None and clearance.nearest_m is not None:
@@ -67,8 +64,9 @@ class Logbook:
             words=intent.words,
             pass_index=flight.leg_index,
             pass_count=0 if flight.plan is None else len(flight.plan.legs),
-            blade="" if leg is None else leg.blade,
-            side="" if leg is None else leg.side,
+            # What is flown, and not what is next: stretches are flown again in between.
+            blade=flight.task.blade,
+            side=flight.task.side,
             metre=intent.metre,
             distance_m=intent.distance_m,
             clearance_m=near,
