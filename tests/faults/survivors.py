@@ -15,6 +15,11 @@ REASONS: dict[str, str] = {
     ),
     "if self.nearest_m - reach >= clearance_m: -> Gt": _BOUNDARY,
     "if self.nearest_m - reach >= clearance_m: -> Lt": _SECOND_LOCK,
+    "if self.nearest_m - reach >= clearance_m: -> Add": _SECOND_LOCK,
+    "reach = float(np.linalg.norm(_rest(setpoint) - self._here)) -> Add": _SECOND_LOCK,
+    "if not (asked > allowed + 1e-6).any(): -> 9e-07": _TOLERANCE,
+    "if height < 2.0 and rest[2] < here[2] - 1e-6: -> 9e-07": _TOLERANCE,
+    "return move if self.path_clearance(move) > self.nearest_m + 0.2 else hold -> GtE": _BOUNDARY,
     "return self.path_clearance(setpoint) >= clearance_m -> Gt": _BOUNDARY,
     'return float(np.einsum("nk,nk->n", apart, apart).min()) <= reach_m * reach_m -> Lt': _BOUNDARY,
     "return max(0.0, -2.2 + math.sqrt(4.84 + 4 * room)) if room > 0 else 0.0 -> GtE": (

@@ -37,6 +37,7 @@ from mission.flight.guard import (
 from mission.flight.observation import ClearanceState, FlightMode, Observation, Vehicle
 from mission.flight.rotor_model import MeasuredBlade, rotor_model
 from mission.flight.seen_space import LOOKS, SeenSpace
+from perception.clearance import OccupancyMemory
 
 SETTINGS = Settings()
 GUARD = Guard(SETTINGS)
@@ -92,6 +93,8 @@ def test_what_the_rest_is_measured_by():
     assert pytest.approx(1 / 0.95) == REST_S
     assert (CORRIDOR_M, NEAR_M, POSITION_STALE_S) == (6.0, 25.0, 0.5)
     assert (RETREAT_MPS, TICK_S, STILL_M) == (0.5, 0.05, 0.05)
+    # Half a voxel of what is remembered of the scans.
+    assert OccupancyMemory()._voxel_m / 2 == POINT_ERROR_M == 0.25
     assert {Phase.STAND_OFF, Phase.RETURN} == LEAVING
     assert NOTHING_AROUND.points_w.shape == (0, 3)
     assert NOTHING_AROUND.stamp_s == -math.inf
