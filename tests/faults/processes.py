@@ -339,6 +339,26 @@ def a_link_that_loses_a_quarter():
         )  # fmt: skip
 
 
+def a_link_that_is_late():
+    """Half a second of latency, either way, for 20 s of a pass."""
+    with (
+        tempfile.TemporaryDirectory(prefix="bladescout-fault-") as name,
+        Rig(Path(name), speed=2.0) as rig,
+    ):
+        rig.start().phase("track")
+        begun_s = rig.now_s()
+        rig.world.fault("link", "delayed")
+        rig.until(lambda: rig.now_s() > begun_s + 20.0, 120.0)
+        rig.world.fault("link", "ok")
+        late = len({line["setpoint_s"] for line in lines_since(rig, begun_s)})
+        state = rig.over(600.0)
+        truth = rig.finish()
+        words = f"{late} setpoints arrived late, and the mission went on"
+        return Seen(
+            late, rig.names(), None, str(state), clearance_m=truth["min_clearance_m"], figure=words
+        )
+
+
 _LIMITS_15 = (
     "a process that hangs is not killed but by systemd (the watchdog, 10 s, when the ticks "
     "cease): where the sensing process hangs for longer than 10 s, the flight ends without it"
@@ -361,6 +381,8 @@ ROWS: tuple[Fault, ...] = (
           slow=True, lacking=_LIMITS_15),
     Fault(17, "the link loses a quarter", a_link_that_loses_a_quarter, "", None, "completed",
           slow=True),
+    Fault(17, "the link is half a second late for 20 s", a_link_that_is_late, "", None,
+          "completed ended_safely", slow=True),
     Fault(18, "the flight process is stopped for 5 s while it flies",
           lambda: one_flight()["stop"], "own_silence", 0.1 + SAMPLED_S, "flying", slow=True),
     Fault(18, "the flight process is stopped for 5 s while it closes on the turbine",
