@@ -213,7 +213,7 @@ def test_a_blade_at_a_quarter_turn_points_to_the_viewers_right(mission_dir, miss
 def test_a_refused_mission_says_why_and_shows_no_rotor(refused_dir):
     page = Page(refused_dir / "report.html")
     assert "the battery is at 20 %" in page.words
-    assert "No pass was flown." in page.words
+    assert "nothing of what was asked for was inspected" in page.words
     assert "photo 3 was never delivered" in page.words
     assert "rotor" not in page.ids
 
