@@ -340,7 +340,7 @@ def a_link_that_loses_a_quarter():
 
 
 def a_link_that_is_late():
-    """Half a second of latency, either way, for 20 s of a pass."""
+    """All that the vehicle reports is half a second late, for 20 s of a pass."""
     with (
         tempfile.TemporaryDirectory(prefix="bladescout-fault-") as name,
         Rig(Path(name), speed=2.0) as rig,
@@ -353,7 +353,7 @@ def a_link_that_is_late():
         late = len({line["setpoint_s"] for line in lines_since(rig, begun_s)})
         state = rig.over(600.0)
         truth = rig.finish()
-        words = f"{late} setpoints arrived late, and the mission went on"
+        words = f"{late} setpoints decided from late reports"
         return Seen(
             late, rig.names(), None, str(state), clearance_m=truth["min_clearance_m"], figure=words
         )
