@@ -86,7 +86,9 @@ def _tls(settings: BusSettings) -> dict[str, object]:
     """Return both sides' certificates; raises `BusNotSafe` where one is missing."""
     folder = Path(settings.keys)
     if not settings.keys:
-        raise BusNotSafe("TLS needs bus.keys: a folder made by bladescout keys")
+        raise BusNotSafe(
+            "TLS needs a certificate: --keys FOLDER (bus.keys), made by bladescout keys"
+        )
     files = {name: folder / name for name in (CA_FILE, CERTIFICATE_FILE, KEY_FILE)}
     for file in files.values():
         if not file.is_file():

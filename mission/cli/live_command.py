@@ -34,7 +34,7 @@ def live(
     from config.settings import Settings
     from drivers.bus import Bus
     from mission.records.live_view import LiveView
-    from mission.remote.client import bus_settings
+    from mission.remote.client import bus_settings, probe
 
     def open_channel(topic: str, told: ChannelSchema) -> Log:
         schema = foxglove.Schema(name=told.name, encoding=told.encoding, data=told.data)
@@ -42,11 +42,22 @@ def live(
         return lambda data: channel.log(data)
 
     view = LiveView(Settings(vehicle=vehicle), open_channel)
-    bus = reached(router, lambda: Bus.open_client(bus_settings(router, keys), vehicle))
-    server = foxglove.start_server(name=f"bladescout {vehicle}", host="127.0.0.1", port=port)
-    with bus:
+
+    def opened() -> Bus:
+        settings = bus_settings(router, keys)
+        probe(settings.endpoint)
+        return Bus.open_client(settings, vehicle)
+
+    with reached(router, opened) as bus:
+        try:
+            server = foxglove.start_server(
+                name=f"bladescout {vehicle}", host="127.0.0.1", port=port
+            )
+        except RuntimeError as error:
+            words = str(error).removeprefix("FoxgloveError: ")
+            end(Exit.DEVICE, f"port {port} of this computer: {words}; choose another with --port")
         bus.subscribe("**", lambda sample: view.take(sample, time.time_ns()))
-        typer.echo(f"ws://127.0.0.1:{port} (Ctrl-C ends it)")
+        typer.echo(f"ws://127.0.0.1:{server.port} (Ctrl-C ends it)")
         try:
             while True:
                 time.sleep(3600)

@@ -43,7 +43,11 @@ def router(
     except (BusNotSafe, BadRoles) as error:
         end(Exit.CONFIGURATION, str(error))
     except BusUnreachable:
-        end(Exit.DEVICE, f"the bus cannot be opened at {listen} and {remote}")
+        end(
+            Exit.DEVICE,
+            f"the bus cannot be opened at {listen} and {remote}: a daemon or another router runs "
+            "there; choose others with --listen and --remote",
+        )
 
 
 async def _route(settings: BusSettings) -> None:
