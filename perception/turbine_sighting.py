@@ -21,9 +21,11 @@ from numpy.typing import NDArray
 
 from perception.values import Float
 
-#: Before anything is seen; and of attitude: roll and pitch, heading.
+#: Before anything is seen; and of attitude: roll and pitch; heading, as it is begun with and as it
+#: is told.
 OPEN_SIGMA_M = 4.0
 TILT_SIGMA_RAD, HEADING_SIGMA_RAD = math.radians(0.5), math.radians(1.2)
+OPEN_HEADING_RAD = math.radians(10.0)
 #: A part is off by this, and a blade by so much more per metre from its root.
 PART_SIGMA_M, BEND_PER_METRE = 0.2, 0.012
 #: Along a blade: bins, how many returns each needs, where they begin, as a share of the length.
@@ -35,7 +37,8 @@ LEAST_WIDTH, MOST_WIDTH, WIDTH_SPARE_M = 0.7, 1.3, 0.3
 EDGES = (0.03, 0.97)
 #: A section shows its near end rather than its face where it is turned more than this share.
 EDGE_ON = 0.35
-#: Aslant of the blade no middle is seen: at least this sine between sight and axis; nor from farther.
+#: Aslant of the blade no middle is seen: at least this sine between sight and axis. Nor from
+#: farther.
 LEAST_SINE, FARTHEST_M = 0.5, 45.0
 #: A blade's end, where the sight is square to it within this tangent, from no farther; what is seen
 #: of it ends so much early, is wrong by so much; and so many returns are of the last metres.
@@ -91,9 +94,11 @@ class TurbineSighting:
     """How far the whole turbine appears moved in the frame that the vehicle reports in."""
 
     offset_w: Float
-    """(3,)"""
+    """(3,) at the vehicle."""
+    heading_rad: float
+    """By how much it appears turned about the vehicle, counter-clockwise from above."""
     covariance: Float
-    """(3, 3)"""
+    """(4, 4) of both."""
     rows: int
     misfit: float
     """Root mean square of the rows, in their own standard deviations."""
@@ -134,10 +139,11 @@ def sight_turbine(
         if not seen:
             return None
         found = _solve(seen, len(solid.blades) + 1)
-        offset = offset + found[0]
+        offset = offset + found[0][:3]
     if found is None or found[3] > MOST_MISFIT:
         return None
-    return TurbineSighting(offset, found[1], found[2], found[3])
+    told, covariance = _unprejudiced(np.append(offset - guess_w, found[0][3]), found[1])
+    return TurbineSighting(guess_w + told[:3], float(told[3]), covariance, found[2], found[3])
 
 
 def near_turbine(points_w: Float, solid: TurbineSolid) -> NDArray[np.bool_]:
@@ -305,8 +311,20 @@ def _ranked(values: Float, share: float) -> float:
 # --- all together ---------------------------------------------------------------------------------
 
 
+def _unprejudiced(told: Float, covariance: Float) -> tuple[Float, Float]:
+    """Return drift and heading (4,), and covariance, without what was believed of the heading.
+
+    Who joins sightings over time believes it once, not again with each.
+    """
+    information: Float = np.asarray(np.linalg.inv(covariance), np.float64)
+    seen = information.copy()
+    seen[3, 3] += 1 / OPEN_HEADING_RAD**2 - 1 / HEADING_SIGMA_RAD**2
+    spread: Float = np.asarray(np.linalg.inv(seen), np.float64)
+    return spread @ (information @ told), spread
+
+
 def _solve(rows: list[_Rows], parts: int) -> tuple[Float, Float, int, float]:
-    """Return drift, its covariance, how many rows, and how well they agree.
+    """Return drift and heading (4,), their covariance, how many rows, and how well they agree.
 
     The state: drift (3), attitude (3), and of each part an offset (3) and a slope (3).
     """
@@ -339,4 +357,5 @@ def _solve(rows: list[_Rows], parts: int) -> tuple[Float, Float, int, float]:
         off: Float = value - matrix @ state
         weight = 1 / (1 + (off / _ROBUST) ** 2)
     misfit = float(np.sqrt((weight * off**2).mean()))
-    return state[:3], covariance[:3, :3], len(value), misfit
+    told = [0, 1, 2, 5]
+    return state[told], covariance[np.ix_(told, told)], len(value), misfit

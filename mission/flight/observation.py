@@ -173,8 +173,11 @@ class TurbineSeen:
     stamp_s: float
     """Of the newest of the scans that show it."""
     offset_w: Vec3
-    covariance_m2: tuple[float, float, float, float, float, float]
-    """xx, xy, xz, yy, yz, zz: large where it was not seen."""
+    """At the vehicle."""
+    heading_rad: float
+    """By how much it appears turned about the vehicle, counter-clockwise from above."""
+    covariance: tuple[float, ...]
+    """Upper triangle, row by row, of offset and heading: large where that was not seen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,6 +227,10 @@ class PhotoResult:
     photo_id: int
     kept: bool
     reason: str = ""
+    stamp_s: float | None = None
+    """When its shutter opened."""
+    mean_grey: float | None = None
+    """Of the blade in it."""
 
 
 class RequestKind(StrEnum):

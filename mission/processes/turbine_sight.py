@@ -35,8 +35,9 @@ REPEATED, COMMON_SIGMA_M = 2.0, 0.05
 class TurbineSight:
     """Remembers a second of returns, and where the turbine was seen last."""
 
-    def __init__(self, positioning: Positioning) -> None:
+    def __init__(self, positioning: Positioning, heading_sigma_deg: float = 1.0) -> None:
         self._positioning = positioning
+        self._heading_rad = math.radians(heading_sigma_deg)
         self._measured: tuple[float, Vec3] | None = None
         self._solid: TurbineSolid | None = None
         self._drift: FrameDrift | None = None
@@ -72,10 +73,11 @@ class TurbineSight:
         if sighting is None:
             return None
         sigma_m = math.hypot(COMMON_SIGMA_M, self._positioning.noise_sigma_m)
-        spread = REPEATED * sighting.covariance + sigma_m**2 * np.eye(3)
-        drift.see(stamp_s, sighting.offset_w, spread)
-        xx, xy, xz, yy, yz, zz = (float(v) for v in spread[np.triu_indices(3)])
-        return TurbineSeen(stamp_s, vec3(sighting.offset_w), (xx, xy, xz, yy, yz, zz))
+        common = np.diag([sigma_m**2] * 3 + [0.0])
+        spread = REPEATED * sighting.covariance + common
+        drift.see(stamp_s, np.append(sighting.offset_w, sighting.heading_rad), spread)
+        told = tuple(float(value) for value in spread[np.triu_indices(4)])
+        return TurbineSeen(stamp_s, vec3(sighting.offset_w), sighting.heading_rad, told)
 
     def _known(self, task: SensingTask, turbine: Turbine) -> bool:
         """Return whether a task tells a measured rotor; take it where it is another one."""
@@ -92,7 +94,8 @@ class TurbineSight:
             self._solid = rotor_model(hub_w, normal_w, blades, turbine).solid()
             known = self._positioning
             self._drift = FrameDrift(
-                known.wander_sigma_m, known.wander_s, task.measured_s, ROTOR_SIGMA_M
-            )
+                known.wander_sigma_m, known.wander_s, task.measured_s, ROTOR_SIGMA_M,
+                self._heading_rad,
+            )  # fmt: skip
             self._recent.clear()
         return True

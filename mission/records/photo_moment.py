@@ -18,7 +18,7 @@ from drivers.bus import Key
 from mission.flight.command import SensingMode, SensingTask
 from mission.flight.observation import BladeTrack, GimbalState, RotorEstimate, TurbineSeen, Vehicle
 from mission.remote.messages import PhotoTakenMessage, VehicleMessage
-from perception.frame_drift import FrameDrift
+from perception.frame_drift import FrameDrift, whole_covariance
 from perception.geometry import rotation_from_quaternion, wrap_angle
 from perception.values import Float
 
@@ -235,9 +235,8 @@ class PhotoHistory:
         if seen is None or seen.stamp_s <= self._turbine_s:
             return
         self._turbine_s = seen.stamp_s
-        xx, xy, xz, yy, yz, zz = seen.covariance_m2
-        covariance = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        drift.see(seen.stamp_s, np.array(seen.offset_w), covariance)
+        told = np.append(seen.offset_w, seen.heading_rad)
+        drift.see(seen.stamp_s, told, whole_covariance(seen.covariance))
 
     def _drift_then(self, stamp_s: float) -> tuple[Float, Float] | None:
         """Return the drift (3,) at a moment, and its covariance (3, 3)."""

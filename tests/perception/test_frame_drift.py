@@ -86,8 +86,19 @@ def test_a_gap_in_the_reports_is_not_integrated_over():
 
 def test_a_sighting_counts_in_the_directions_in_which_it_is_sure():
     filter_ = FrameDrift(1.5, 60.0, 0.0)
-    filter_.see(300.0, np.array([1.0, 9.0, 1.0]), np.diag([0.01, 400.0, 0.01]))
+    filter_.see(300.0, np.array([1.0, 9.0, 1.0, 0.0]), np.diag([0.01, 400.0, 0.01, 1.0]))
     drift, covariance = filter_.at(300.0)
     assert drift[[0, 2]] == pytest.approx([1.0, 1.0], abs=0.02)
     assert abs(drift[1]) < 0.2
     assert math.sqrt(covariance[1, 1]) > 2.0
+
+
+def test_a_heading_is_learnt_beside_and_fades():
+    filter_ = FrameDrift(0.2, 60.0, 0.0, heading_sigma_rad=0.02)
+    filter_.see(100.0, np.array([0.0, 0.0, 0.0, 0.015]), np.diag([0.01, 0.01, 0.01, 1e-6]))
+    heading, sigma = filter_.heading(100.0)
+    assert heading == pytest.approx(0.015, abs=1e-3)
+    assert sigma < 0.0011
+    later, unsure = filter_.heading(300.0)
+    assert later < 0.2 * heading
+    assert unsure == pytest.approx(0.02, rel=0.05)

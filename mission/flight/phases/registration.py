@@ -16,7 +16,7 @@ import numpy as np
 from mission.flight.flight import Flight
 from mission.flight.leg import Leg
 from mission.flight.phases.live_offset import LiveOffset
-from perception.frame_drift import FrameDrift
+from perception.frame_drift import FrameDrift, whole_covariance
 from perception.values import Float
 
 FRESH_S = 0.5
@@ -103,8 +103,9 @@ class Registration:
             known = flight.settings.positioning
             self._rotor_s = rotor.stamp_s
             self._filter = FrameDrift(
-                known.wander_sigma_m, known.wander_s, rotor.stamp_s, ROTOR_SIGMA_M
-            )
+                known.wander_sigma_m, known.wander_s, rotor.stamp_s, ROTOR_SIGMA_M,
+                math.radians(flight.settings.gimbal.yaw_sigma_deg),
+            )  # fmt: skip
         if self._filter is not None:
             velocity_w = np.array(flight.vehicle.velocity_w)
             self._filter.move(flight.vehicle.stamp_s, flight.here_w, velocity_w)
@@ -119,9 +120,17 @@ class Registration:
         if seen is None or seen.stamp_s <= max(self._sighted_s, self._rotor_s):
             return
         self._sighted_s = seen.stamp_s
-        xx, xy, xz, yy, yz, zz = seen.covariance_m2
-        covariance = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        known.see(seen.stamp_s, np.array(seen.offset_w), covariance)
+        told = np.append(seen.offset_w, seen.heading_rad)
+        known.see(seen.stamp_s, told, whole_covariance(seen.covariance))
+
+    def _drift_at_blade(self, flight: Flight, leg: Leg) -> Float:
+        """Return the drift (3,) of what lies before the vehicle: a heading's error turns it."""
+        if self._filter is None:
+            return self.drift_w
+        heading_rad, _ = self._filter.heading(flight.now_s)
+        lever = -leg.distance_at(leg.metre_of(flight.here_w - self.shift_w)) * leg.view_w
+        turned = heading_rad * np.array([-lever[1], lever[0], 0.0])
+        return np.asarray(self.drift_w + turned, np.float64)
 
     def update(self, flight: Flight, leg: Leg) -> Float:
         """Take the newest track and clearance; return the shift."""
@@ -147,12 +156,12 @@ class Registration:
                 self.moved_s = self.moved_s + step_s if size > limit else 0.0
                 live.correct(track.stamp_s, offset * min(1.0, MOST_M / max(size, 1e-6)), step_s)
                 self._learn(offset, metre, leg, flight)
-        lost_s = self.lost_s(flight)
+        drift_w, lost_s = self._drift_at_blade(flight, leg), self.lost_s(flight)
         if leg.blind or lost_s > LOST_S:
-            live.lean(self.drift_w, 1.0 if leg.blind else flight.dt_s / LEAN_S)
+            live.lean(drift_w, 1.0 if leg.blind else flight.dt_s / LEAN_S)
         self._push_outward(flight, leg, lost_s)
         # Across the blade as it is seen; along it, which no blade shows, as other blades told.
-        self.aim_w = live.value_w - _along(live.value_w, leg) + _along(self.drift_w, leg)
+        self.aim_w = live.value_w - _along(live.value_w, leg) + _along(drift_w, leg)
         self.shift_w = self.aim_w + self._push * leg.view_w
         return self.shift_w
 

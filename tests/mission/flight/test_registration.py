@@ -9,9 +9,12 @@ from config.settings import Settings
 from mission.flight.observation import BladeTrack, RotorEstimate, TurbineSeen
 from mission.flight.phases.registration import Registration
 
+#: Of a sighting: its place within 0.2 m, its heading within 0.1 deg.
+SURE = (0.04, 0.0, 0.0, 0.0, 0.04, 0.0, 0.0, 0.04, 0.0, 3e-6)
 LEG = SimpleNamespace(
     blade="A", view_w=np.array([0.0, -1.0, 0.0]), metre_of=lambda _: 10.0, axis_w=np.eye(3)[2],
     centre=lambda _: np.zeros(3), length_m=40.0, blind=False,
+    distance_at=lambda _: 12.0,
 )  # fmt: skip
 
 
@@ -96,7 +99,7 @@ def test_a_sighting_of_the_turbine_tells_the_drift_along_the_blade():
     settings = settings.model_copy(update={"positioning": gnss})
     for index in range(100):
         now_s = 60.0 + 0.05 * index
-        seen = TurbineSeen(60.0 + index // 20, (0.3, -0.2, 2.0), (0.04, 0.0, 0.0, 0.04, 0.0, 0.04))
+        seen = TurbineSeen(60.0 + index // 20, (0.3, -0.2, 2.0), 0.0, SURE)
         track = BladeTrack(
             now_s, "A", (0, 0, 0), (0, 0, 1), 12.0, 500.0, (0.3, -0.2, 0.0), 0.1, turbine=seen
         )
@@ -113,7 +116,7 @@ def test_a_sighting_of_the_turbine_tells_the_drift_along_the_blade():
 def test_a_blade_that_the_lidar_cannot_look_at_is_where_the_turbines_drift_puts_it(registration):
     blind = SimpleNamespace(**{**vars(LEG), "blind": True, "distance_at": lambda _: 14.0})
     rotor = RotorEstimate(stamp_s=0.0, sequence=1)
-    seen = TurbineSeen(4.0, (0.2, -0.1, 0.3), (0.01, 0.0, 0.0, 0.01, 0.0, 0.01))
+    seen = TurbineSeen(4.0, (0.2, -0.1, 0.3), 0.0, SURE)
     track = BladeTrack(
         4.0, "A", (0, 0, 0), (0, 0, 1), 14.0, 0.0, (9.0, 9.0, 0.0), 0.0, from_model=True,
         turbine=seen,

@@ -9,6 +9,7 @@ from config.presets import load_turbine
 from mission.flight.command import SensingMode, SensingTask
 from mission.flight.observation import BladeEstimate
 from mission.processes.turbine_sight import TurbineSight
+from perception.frame_drift import whole_covariance
 
 HUB = (0.0, 0.0, 80.0)
 TURBINE = load_turbine("v90-2.0")
@@ -61,8 +62,11 @@ def test_it_tells_how_far_the_turbine_appears_moved():
     drift = np.array([0.6, -0.8, 0.0])
     seen = looked(drift)[-1]
     assert np.linalg.norm(np.array(seen.offset_w)[:2] - drift[:2]) < 0.35
-    assert seen.covariance_m2[0] < 1.2**2
-    assert seen.covariance_m2[3] < 0.8**2
+    # What a heading would turn, 25 m away, is told together with it.
+    covariance = whole_covariance(seen.covariance)
+    there = np.array([1.0, 0.0, 0.0, -25.0])
+    assert there @ covariance @ there < 0.6**2
+    assert covariance[1, 1] < 0.8**2
 
 
 def test_nothing_is_told_without_a_measured_rotor_or_dimensions():
