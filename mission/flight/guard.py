@@ -89,10 +89,10 @@ class GuardedCommand:
     """Least distance now, from the airframe's outermost point; None: nothing known near."""
 
 
-def allowed_closing_mps(distance_m: float, min_clearance_m: float) -> float:
-    """Return the largest v with d - 1.1 v - v^2 / 4 >= the clearance; 0 nearer than that."""
-    room = distance_m - min_clearance_m
-    return max(0.0, -2.2 + math.sqrt(4.84 + 4 * room)) if room > 0 else 0.0
+def allowed_closing_mps(distances_m: Float, min_clearance_m: float) -> Float:
+    """Return (N,) the largest v with d - 1.1 v - v^2 / 4 >= the clearance; 0 nearer than that."""
+    room = np.maximum(distances_m - min_clearance_m, 0.0)
+    return np.asarray(np.sqrt(4.84 + 4 * room) - 2.2)
 
 
 class Guard:
@@ -262,8 +262,7 @@ class Guard:
         fed = np.array(setpoint.velocity_w)
         asked = near.units @ (0.95 * lead + fed)
         flown = near.units @ velocity
-        room = np.maximum(near.distances - self._bounds.min_clearance_m, 0.0)
-        allowed = np.sqrt(4.84 + 4 * room) - 2.2
+        allowed = allowed_closing_mps(near.distances, self._bounds.min_clearance_m)
         # The vehicle's own speed lags what was asked for: only a real excess is an excess.
         if bool((flown > allowed + 0.3).any()):
             return setpoint, True
