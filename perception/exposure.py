@@ -28,6 +28,10 @@ class ExposureControl(Protocol):
         """
         ...
 
+    def aim(self, target_grey: float) -> None:
+        """Aim at another grey than the settings': the range moves with it."""
+        ...
+
     def limit(self, steps: EvSteps) -> None:
         """Take over the EVs that the camera has."""
         ...

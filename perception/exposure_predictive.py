@@ -71,7 +71,7 @@ class PredictiveExposure:
 
         ``automatic``: EV biases the camera's own automatic instead of being absolute.
         """
-        self._settings = settings
+        self._target_grey = settings.target_grey
         self._steps = steps
         self.response = Response()
         self.timeline = EvTimeline()
@@ -91,6 +91,10 @@ class PredictiveExposure:
             self.timeline.confirmed(ev, stamp_s)
             if self._held_ev is None:
                 self._held_ev = self._asked_ev = ev
+
+    def aim(self, target_grey: float) -> None:
+        """Aim at another grey; see `perception.exposure.ExposureControl`."""
+        self._target_grey = target_grey
 
     def limit(self, steps: EvSteps) -> None:
         """Take over the EVs that the camera has."""
@@ -135,7 +139,7 @@ class PredictiveExposure:
         self._learn()
         lead_s = self.timeline.lead_s(period_s)
         ahead = self.trend.ahead(lead_s, self._doubt()) + self.automatic.ahead(lead_s)
-        target_ev = self.response.ev_at(self._settings.target_grey)
+        target_ev = self.response.ev_at(self._target_grey)
         wanted_ev = target_ev - (self._frames[-1].level_ev - seen.ev) - ahead
         settled = found[1] and abs(found[0] - held) < 0.02
         wanted_ev += self.sweep.offset_ev(stamp_s, spare=spare, settled=settled)
@@ -146,7 +150,7 @@ class PredictiveExposure:
         """Return the EV of the blade's grey as taken, and what it may be."""
         grey = min(max(metered.mean_grey, 0.0), 255.0)
         mean_ev = self.response.ev_at(grey)
-        if metered.clipped > CLIPPED and grey > self._settings.target_grey:
+        if metered.clipped > CLIPPED and grey > self._target_grey:
             if metered.low_grey < BRIGHT and self._darkest_ev is not None:
                 # The darkest pixels are not clipped: how far they lie below the mean is known.
                 level = max(self.response.ev_at(metered.low_grey) - self._darkest_ev, mean_ev)

@@ -24,12 +24,17 @@ class StepExposure:
         self._steps = steps
         self._gamma_ev: float | None = None
         self._at_limit = False
+        self._aside = 0.0
 
     def confirmed(self, ev: float, stamp_s: float) -> None:
         """Take gamma over from the camera once; see `perception.exposure.ExposureControl`."""
         del stamp_s
         if self._gamma_ev is None and math.isfinite(ev):
             self._gamma_ev = ev
+
+    def aim(self, target_grey: float) -> None:
+        """Aim at another grey; see `perception.exposure.ExposureControl`."""
+        self._aside = target_grey - self._settings.target_grey
 
     def limit(self, steps: EvSteps) -> None:
         """Take over the EVs that the camera has."""
@@ -52,9 +57,9 @@ class StepExposure:
         del stamp_s, histogram, spare  # the paper looks at the mean alone
         gamma = 0.0 if self._gamma_ev is None else self._gamma_ev
         wanted = gamma
-        if metered.mean_grey > self._settings.max_grey:
+        if metered.mean_grey > self._settings.max_grey + self._aside:
             wanted = gamma - self._settings.step_ev
-        elif metered.mean_grey < self._settings.min_grey:
+        elif metered.mean_grey < self._settings.min_grey + self._aside:
             wanted = gamma + self._settings.step_ev
         # Clamped where it is kept, so that it does not wind up beyond what the camera can do.
         low, high = self._steps.evs[0], self._steps.evs[-1]

@@ -133,6 +133,8 @@ class SensingTask:
     """Blades whose pitch is known, as measured about the hub: by them the turbine is sighted."""
     measured_s: float | None = None
     """When they were measured."""
+    still_offset_grey: float = 0.0
+    """How much brighter the camera's stills are than its live picture."""
 
 
 @dataclass(frozen=True, slots=True)

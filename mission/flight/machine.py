@@ -51,6 +51,7 @@ from mission.flight.phases.takeoff import Engage, Takeoff
 from mission.flight.phases.track import Track
 from mission.flight.plan import Plan
 from mission.flight.report import MissionReport
+from mission.flight.still_offset import StillOffset
 from mission.flight.watch import Watch
 
 LEAVING = (StandOff, Home, Landed, Released)
@@ -74,6 +75,7 @@ class Machine:
         self._watch = Watch()
         self._seen_s: dict[Event, float] = {}
         self._exposure = ExposureOrder()
+        self._stills = StillOffset()
         self._logbook = Logbook()
 
     # --- what others read -----------------------------------------------------------------
@@ -131,6 +133,8 @@ class Machine:
         flight.look()
         self._earlier(observation)
         self._photos(observation)
+        if self._stills.step(observation):
+            flight.note("camera", self._stills.words)
         if taken_over(flight, self._phase):
             flight.raised.add(Event.PILOT_TOOK_OVER)
         intent = self._decided(observation)
@@ -179,7 +183,7 @@ class Machine:
             gimbal=None if silent else intent.gimbal,
             ev=None if silent else ev,
             photo=None if silent else intent.photo,
-            sensing=flight.task,
+            sensing=self._stills.told(flight.task),
             progress=self._logbook.progress(flight, self._phase.phase, intent),
             takeoff_height_m=intent.takeoff_height_m,
         )

@@ -124,7 +124,11 @@ class FlightInputs:
 
     def _take_photo_result(self, sample: Sample) -> None:
         result = PhotoResultMessage.model_validate_json(sample.payload)
-        self._photos.append(PhotoResult(result.photo_id, result.kept, result.reason))
+        self._photos.append(
+            PhotoResult(
+                result.photo_id, result.kept, result.reason, result.stamp_s, result.mean_grey
+            )
+        )
 
 
 def vehicle_part(reading: VehicleReading | None) -> Vehicle | None:

@@ -279,7 +279,10 @@ class Recorder:
         repeated = taken.command.repeated
         again = asks_again(record, mission.again, len(mission.records), repeated=repeated)
         mission.again += bool(again)
-        self._tell(photo_id, kept=record.kept and not again, reason=record.reason or again)
+        self._tell(
+            photo_id, kept=record.kept and not again, reason=record.reason or again,
+            stamp_s=taken.stamp_s, mean_grey=record.mean_grey,
+        )  # fmt: skip
 
     async def _find_missing(self, mission: _Open) -> None:
         """Ask once more for photos that exist at the camera but could not be fetched."""
@@ -287,8 +290,18 @@ class Recorder:
         mission.missing.clear()
         await asyncio.gather(*(self._take_photo(mission, taken) for taken in missing))
 
-    def _tell(self, photo_id: int, *, kept: bool, reason: str) -> None:
-        result = PhotoResultMessage(photo_id=photo_id, kept=kept, reason=reason)
+    def _tell(
+        self,
+        photo_id: int,
+        *,
+        kept: bool,
+        reason: str,
+        stamp_s: float | None = None,
+        mean_grey: float | None = None,
+    ) -> None:
+        result = PhotoResultMessage(
+            photo_id=photo_id, kept=kept, reason=reason, stamp_s=stamp_s, mean_grey=mean_grey
+        )
         self._bus.publish(Key.PHOTO_RESULT, result.model_dump_json().encode())
 
     async def _end(self, mission: _Open, report: FlightReport) -> None:

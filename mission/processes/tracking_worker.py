@@ -170,14 +170,15 @@ class TrackingWorker:
         if found is None or found.metered is None:
             return
         metered = found.metered
+        limits, aside = self._settings.exposure, self._inbox.task.still_offset_grey
+        control.aim(limits.target_grey - aside)
         # On the way to a pass no photo is near: the camera's curve may be looked at.
         spare = found.range_m > self._settings.tracking.max_distance_m
         wanted = control.update(metered, frame.stamp_s, histogram_of(frame.grey), spare=spare)
-        limits = self._settings.exposure
         state = ExposureState(
             stamp_s=frame.stamp_s,
             mean_grey=metered.mean_grey,
-            in_range=limits.min_grey <= metered.mean_grey <= limits.max_grey,
+            in_range=limits.min_grey <= metered.mean_grey + aside <= limits.max_grey,
             ev_wanted=wanted,
             clipped=metered.clipped,
             pixels=metered.pixels,

@@ -292,6 +292,9 @@ class PhotoResultMessage(Message):
     photo_id: int
     kept: bool
     reason: str = ""
+    stamp_s: float | None = None
+    mean_grey: float | None = None
+    """Of the blade in it, where it was found."""
 
 
 class FlightReport(Message):

@@ -142,3 +142,14 @@ def test_the_paper_s_steps_ring_at_three_frames_of_latency_and_ours_do_not():
     ours, _ = fly(control(min_ev=-6, max_ev=6), light, filmic, latency=3)
     assert out_of_range(paper[-20:]).any()
     assert not out_of_range(ours[-20:]).any()
+
+
+@pytest.mark.parametrize("method", ["predictive", "step"])
+def test_where_stills_stand_apart_the_live_picture_is_aimed_aside(method):
+    aside = control(method, min_ev=-6, max_ev=6)
+    aside.aim(105.0)
+    greys, _ = fly(aside, np.full(80, 0.8), film)
+    plain, _ = fly(control(method, min_ev=-6, max_ev=6), np.full(80, 0.8), film)
+    assert 80 <= greys[-1] <= 130
+    assert 110 <= plain[-1] <= 160
+    assert greys[-1] < plain[-1]
