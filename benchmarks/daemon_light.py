@@ -30,8 +30,9 @@ from mission.flight.observation import ExposureState
 GOAL_MS = 60.0
 _EXPOSURE = TypeAdapter(ExposureState)
 _SAME_EV = 0.01
-#: A picture that was decoded so long before a command did not cause it.
-_MOST_S = 2.0
+#: A picture that was decoded so long before a command did not cause it: the film's light comes
+#: again after two seconds.
+_MOST_S = 1.5
 _EV, _MAVLINK_2, _PARAM_EXT_SET = b"CAM_EV", 0xFD, 323
 _HEARTBEAT_S = 0.5
 _LOG_COMPONENT, _LOG_TYPE = 155, 41
@@ -41,7 +42,7 @@ _LOG_COMPONENT, _LOG_TYPE = 155, 41
 class Asked:
     """What one picture made of the exposure."""
 
-    decoded_s: float
+    taken_s: float
     ev: float
 
 
@@ -65,11 +66,13 @@ class LightHeard:
     def lags_ms(self) -> list[float]:
         """Return for each command how long before it the picture was decoded that asked for it."""
         changed = [one for _, (one, *_) in groupby(self.ordered, key=lambda one: one.ev)]
-        return [
-            1e3 * (one.at_s - cause.decoded_s)
-            for one in changed
-            if (cause := _cause(self.asked, one)) is not None
+        wishes = [
+            (self.decoded_s[wish.taken_s], wish.ev)
+            for wish in self.asked
+            if wish.taken_s in self.decoded_s
         ]
+        causes = [(one, _cause(wishes, one)) for one in changed]
+        return [1e3 * (one.at_s - cause_s) for one, cause_s in causes if cause_s is not None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,17 +93,16 @@ class LightLag:
         return cls(float(p50), float(p99), float(max(lags_ms)), len(lags_ms))
 
 
-def _cause(asked: Sequence[Asked], one: Ordered) -> Asked | None:
-    """Return the first of the newest pictures in a row that ask for what was ordered."""
-    before = (wish for wish in asked if 0.0 < one.at_s - wish.decoded_s < _MOST_S)
-    newest_first = sorted(before, key=lambda wish: -wish.decoded_s)
+def _cause(wishes: Sequence[tuple[float, float]], one: Ordered) -> float | None:
+    """Return when the first of the newest pictures in a row was decoded that ask for an order's EV.
+
+    ``wishes``: when each picture was decoded, and the EV that it asks for.
+    """
+    newest_first = sorted((at_s, ev) for at_s, ev in wishes if 0 < one.at_s - at_s < _MOST_S)[::-1]
     # What was asked for while the camera was still busy with this one has its own command.
-    row = dropwhile(lambda wish: abs(wish.ev - one.ev) > _SAME_EV, newest_first)
-    return min(
-        takewhile(lambda wish: abs(wish.ev - one.ev) <= _SAME_EV, row),
-        key=lambda wish: wish.decoded_s,
-        default=None,
-    )
+    row = dropwhile(lambda wish: abs(wish[1] - one.ev) > _SAME_EV, newest_first)
+    in_row = takewhile(lambda wish: abs(wish[1] - one.ev) <= _SAME_EV, row)
+    return min((at_s for at_s, _ in in_row), default=None)
 
 
 @contextmanager
@@ -114,9 +116,7 @@ def light_heard(bus: Bus, tap_file: Path, system_id: int, clock: Clock) -> Itera
 
     def take_exposure(sample: Sample) -> None:
         state = _EXPOSURE.validate_json(sample.payload)
-        decoded_s = heard.decoded_s.get(state.stamp_s)
-        if decoded_s is not None:
-            heard.asked.append(Asked(decoded_s, state.ev_wanted))
+        heard.asked.append(Asked(state.stamp_s, state.ev_wanted))
 
     def listen() -> None:
         for at_s, ev in _orders(tap_file, system_id, clock, stop):

@@ -15,7 +15,10 @@ def parameter(name, value):
 
 
 def heard(asked, ordered):
-    return LightHeard({}, [Asked(*one) for one in asked], [Ordered(*one) for one in ordered])
+    """``asked``: when a picture was decoded, 60 ms after it was taken, and the EV asked for."""
+    decoded_s = {at_s - 0.06: at_s for at_s, _ in asked}
+    wishes = [Asked(at_s - 0.06, ev) for at_s, ev in asked]
+    return LightHeard(decoded_s, wishes, [Ordered(*one) for one in ordered])
 
 
 def test_the_ev_of_a_command_is_read_from_its_bytes():
