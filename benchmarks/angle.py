@@ -15,6 +15,7 @@ from benchmarks.angle_scenes import SceneOptions, make_scene
 from benchmarks.angle_sites import Site
 from benchmarks.angle_summary import Row
 from benchmarks.angle_trials import (
+    PASSES,
     Trial,
     fermat,
     ours,
@@ -42,12 +43,15 @@ OURS_NARROW = "rotor fit, 60 deg window, 1 s"
 OURS_KNOWN = "rotor fit, full azimuth, 1 s, known shape"
 OURS_CLEAN = "known shape, without droop and lean"
 PAPER = "fermat, 60 deg window, 1 s"
+PAPER_FLOWN = "fermat, 60 deg window, a new second each pass"
 TWO_LINES = "two lines (our reading), 60 deg window, 1 s"
 THREE_LINES = "three lines (our reading), 60 deg window, 1 s"
 VISION = "vision: Hough and vote (our reading), one picture"
 PASSIVE = "prior 0-15 m wrong, one look"
 ACTIVE = "prior 0-15 m wrong, re-centred"
-NOMINAL = (OURS, OURS_LONGER, OURS_NARROW, OURS_KNOWN, PAPER, TWO_LINES, THREE_LINES, VISION)
+NOMINAL = (
+    OURS, OURS_LONGER, OURS_NARROW, OURS_KNOWN, PAPER, PAPER_FLOWN, TWO_LINES, THREE_LINES, VISION,
+)  # fmt: skip
 EFFECTS: dict[str, Callable[[SceneOptions], SceneOptions]] = {
     "without droop": lambda o: replace(o, droop=False),
     "without prebend": lambda o: replace(o, prebend=False),
@@ -185,6 +189,8 @@ def one(
     table.add(OURS, ours(seed, scene, prior_error_m=error_m))
     table.add(OURS_KNOWN, ours(seed, scene, prior_error_m=error_m, known=True))
     table.add(PAPER, fermat(seed, narrow))
+    flown = replace(nominal, seconds=float(PASSES), window_deg=PAPER_WINDOW_DEG)
+    table.add(PAPER_FLOWN, fermat(seed, make_scene(seed, flown)))
     if core and nominal.fog_per_m == 0:
         return
     longer = make_scene(seed, replace(nominal, seconds=2 * nominal.seconds))

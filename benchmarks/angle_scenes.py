@@ -88,6 +88,8 @@ class AngleScene:
     """At stop angle + 0, 120, 240 deg."""
     directions_w: Float
     """(3, 3) true axis of each blade, a row each: bearing and cone included."""
+    time_s: Float
+    """(N,) when each point was measured, from the first frame on."""
     plan: Planform = field(repr=False)
     site: Site = Site.FIELDS
 
@@ -281,7 +283,7 @@ def look(
     wander = np.cumsum(rng.normal(0, 0.03, (frames, 3)), axis=0)
     jitter = _markov(rng, frames, 0.2, 60.0) + _markov(rng, frames, opt.pose_noise_m, 0.3)
     sway = _sway(rng, frames, opt.sway_m)
-    points, origins = [], []
+    points, origins, times = [], [], []
     for f in range(frames):
         tilt = np.deg2rad(rng.normal(0, 1.0, 2))
         true_body = rotation_from_euler(tilt[0], tilt[1], prior_yaw)
@@ -293,6 +295,7 @@ def look(
         told = err @ true_body @ sensor_body
         points.append(p_told + (rays[keep] * ranges[:, None]) @ told.T)
         origins.append(np.broadcast_to(p_told, (len(ranges), 3)))
+        times.append(np.full(len(ranges), 0.1 * f))
     mean_true = view + wander.mean(0) - sway.mean(0)
     mean_told = view + wander.mean(0) + jitter.mean(0)
     # Truth in the told frame: the extrinsic error turns the cloud about the vehicle as well.
@@ -313,6 +316,7 @@ def look(
         turn @ world.tower_down,
         world.pitch,
         world.directions @ turn.T,
+        np.concatenate(times),
         world.plan,
         opt.site,
     )

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.angle_baselines import Outcome, evaluate_line_fit, evaluate_vision
 from benchmarks.angle_scenes import AngleScene
@@ -19,7 +20,7 @@ from perception.rotor_fit import fit_rotor
 from perception.stop_angle import FermatEstimator
 
 PASSES = 6
-"""Passes the paper's loop is given on one cloud."""
+"""Passes the paper's loop is given: on one cloud, or on one each."""
 PRIOR_MARGIN_M = 3.0
 
 
@@ -72,20 +73,23 @@ def ours(
 
 
 def fermat(seed: int, scene: AngleScene) -> Trial:
-    """Answer by the paper's loop on one cloud, until two of its angles agree.
+    """Answer by the paper's loop until two of its angles agree: a pass each second, in turn.
 
     Where a later pass finds no three blades, the loop keeps what the pass before found, as
-    Algorithm 1 keeps p_h^(i-1).
+    Algorithm 1 keeps p_h^(i-1). A single cloud that shows none would show none again.
     """
     settings = Settings()
     method = FermatEstimator(settings.fermat, agree_deg=settings.estimation.agree_deg)
+    second = (scene.time_s + 1e-6).astype(np.int64)
+    clouds = [_part(scene, second == k) for k in range(int(second.max(initial=0)) + 1)]
     start = time.thread_time()
     answer: Rotor | Refusal = Refusal(RefusalCode.NO_POINTS, "not looked")
-    for _ in range(PASSES):
-        found = method.update(scene.points_w, scene.origins_w, scene.prior_hub_w)
+    for k in range(PASSES):
+        cloud = clouds[k % len(clouds)]
+        found = method.update(cloud.points_w, cloud.origins_w, scene.prior_hub_w)
         if isinstance(found, Rotor) or not isinstance(answer, Rotor):
             answer = found
-        if isinstance(found, Refusal) or method.converged:
+        if method.converged or (isinstance(found, Refusal) and len(clouds) == 1):
             break
     took = (time.thread_time() - start) / method.iterations
     return _judged(_blank(seed, scene, took), scene, answer)
@@ -112,7 +116,16 @@ def windowed(scene: AngleScene, window_deg: float) -> AngleScene:
     ahead = math.atan2(scene.prior_normal_w[1], scene.prior_normal_w[0])
     turn = np.arctan2(ray[:, 1], ray[:, 0]) - ahead
     keep = np.abs((turn + np.pi) % (2 * np.pi) - np.pi) <= math.radians(window_deg / 2)
-    return replace(scene, points_w=scene.points_w[keep], origins_w=scene.origins_w[keep])
+    return _part(scene, keep)
+
+
+def _part(scene: AngleScene, keep: NDArray[np.bool_]) -> AngleScene:
+    return replace(
+        scene,
+        points_w=scene.points_w[keep],
+        origins_w=scene.origins_w[keep],
+        time_s=scene.time_s[keep],
+    )
 
 
 def _blank(seed: int, scene: AngleScene, seconds: float) -> Trial:

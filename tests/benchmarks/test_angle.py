@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -13,6 +14,7 @@ from benchmarks.angle import (
     OURS_KNOWN,
     OURS_LONGER,
     PAPER,
+    PAPER_FLOWN,
     PASSIVE,
     VISION,
     Table,
@@ -26,7 +28,7 @@ from benchmarks.angle_goals import goals
 from benchmarks.angle_kept import keep_trials, read_trials
 from benchmarks.angle_scenes import SceneOptions, make_scene
 from benchmarks.angle_summary import row, strata
-from benchmarks.angle_trials import Trial, windowed
+from benchmarks.angle_trials import Trial, fermat, windowed
 from mission.cli.bench_command import app
 
 
@@ -64,7 +66,7 @@ def test_strata_are_fifteen_degrees_of_pitch():
 def test_every_method_answers_the_same_scene():
     table = Table()
     one(table, 5, SceneOptions(), pictures=False)
-    assert len(table.trials) == 7
+    assert len(table.trials) == 8
     assert len({t.model for trials in table.trials.values() for t in trials}) == 1
     assert table.rows()["rotor fit, full azimuth, 1 s"]["mean_deg"] < 1.0
 
@@ -72,7 +74,7 @@ def test_every_method_answers_the_same_scene():
 def test_in_fog_the_core_is_also_given_two_seconds():
     table = Table()
     one(table, 5, SceneOptions(fog_per_m=0.052), pictures=False, core=True)
-    assert set(table.rows()) == {OURS, OURS_KNOWN, OURS_LONGER, PAPER}
+    assert set(table.rows()) == {OURS, OURS_KNOWN, OURS_LONGER, PAPER, PAPER_FLOWN}
 
 
 def test_a_window_keeps_what_lies_ahead():
@@ -80,6 +82,24 @@ def test_a_window_keeps_what_lies_ahead():
     narrow = windowed(scene, 60.0)
     assert 0.1 < len(narrow.points_w) / len(scene.points_w) < 0.9
     assert len(narrow.origins_w) == len(narrow.points_w)
+
+
+def test_the_paper_s_loop_takes_a_new_second_each_pass():
+    scene = make_scene(5, SceneOptions(seconds=3.0, window_deg=60.0))
+    later = scene.time_s > 0.95
+    blind = replace(
+        scene,
+        points_w=np.where(later[:, None], scene.points_w, np.nan),
+    )
+    told = fermat(5, blind)
+    assert abs(told.error_deg) < 5.0
+    first = replace(
+        blind,
+        points_w=blind.points_w[~later],
+        origins_w=blind.origins_w[~later],
+        time_s=blind.time_s[~later],
+    )
+    assert fermat(5, first).error_deg is None
 
 
 def test_scenes_and_loops_are_counted_as_they_are_done():
@@ -149,7 +169,7 @@ def test_the_table_of_what_was_kept_measures_nothing(tmp_path):
     told = json.loads(result.stdout)
     assert told["seeds"] == [5, 5]
     assert {name: row["trials"] for name, row in told["rows"].items()} == {
-        OURS: 1, OURS_KNOWN: 1, PAPER: 1,
+        OURS: 1, OURS_KNOWN: 1, PAPER: 1, PAPER_FLOWN: 1,
     }  # fmt: skip
 
 
