@@ -16,6 +16,7 @@ from benchmarks.exposure_defects import (
 from benchmarks.exposure_figure import curves
 from benchmarks.exposure_methods import OURS, ours, paper
 from benchmarks.exposure_passes import Pass, Still, entropy_nats
+from benchmarks.exposure_play import Record
 from benchmarks.exposure_scene import Lighting, Shown, Surface
 from benchmarks.exposure_steps import Event, play
 
@@ -49,6 +50,15 @@ def test_the_automatic_works_against_the_light():
         if k == 20:
             before = camera.total_ev(0.1 * k)
     assert camera.total_ev(10.0) == pytest.approx(before - 2.0, abs=0.3)
+
+
+def test_each_answer_s_latency_is_counted_from_the_frame_that_asked_for_it():
+    asked = [0.0, 0.0, -1.0, -1.0, -2.0, -2.0, -2.0, -2.0, 3.0]
+    evs = [0.0, 0.0, 0.0, 0.0, -1.0, -1.0, -1.0, -2.0, -2.0]
+    record = Record(evs=evs, asked=asked)
+    assert record.delays(2) == [2, 3]
+    assert record.delays(3) == [3]
+    assert record.delays(5) == []
 
 
 @pytest.mark.parametrize("manual", [True, False])
