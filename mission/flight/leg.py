@@ -41,6 +41,9 @@ class Leg:
     """The LiDAR does not see the blade from here: the fitted rotor holds the distance."""
     again: bool = False
     """Flown for gaps of an earlier leg."""
+    apparent_w: Float | None = None
+    """(M, 3) from the blade's middle to what appears as its middle in a picture: of a chord seen
+    aslant the nearer half looks the longer."""
 
     def distance_at(self, metre: float) -> float:
         """Return the planned distance from the blade's axis."""
@@ -60,7 +63,10 @@ class Leg:
 
     def target(self, metre: float) -> Float:
         """Return the point (3,) that the camera is aimed at."""
-        return self.foot(metre) + self.centre(metre) + self.aside(metre)
+        place = self.foot(metre) + self.centre(metre) + self.aside(metre)
+        if self.apparent_w is None:
+            return place
+        return place + _column(metre, self.grid_m, self.apparent_w)
 
     def position(self, metre: float) -> Float:
         """Return where the vehicle is (3,) when it looks at a metre."""

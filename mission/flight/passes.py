@@ -218,6 +218,7 @@ def _legs(
         frame.name, side, frame.root_w, frame.axis_w, view.view_w, float(view.turn_deg),
         grid, distance, footprint, photos, frame.length_m,
         section.centre(view.view_w), over[:, None] * across, view.blind,
+        apparent_w=section.apparent(view.view_w, distance),
     )  # fmt: skip
     if not rows.any():
         return [one]

@@ -46,6 +46,15 @@ class Section:
         across = self.across(view_w)
         return np.asarray(self._bend_w + (self._middle_w @ across)[:, None] * across, np.float64)
 
+    def apparent(self, view_w: Float, distance_m: Float) -> Float:
+        """Return (M, 3) from the middle of what is seen to its middle in a picture.
+
+        ``distance_m``: (M,) of the viewer. The end of the chord that is nearer looks larger.
+        """
+        across = self.across(view_w)
+        aside, nearer = self._half_chord_w @ across, self._half_chord_w @ view_w
+        return np.asarray((aside * nearer / distance_m)[:, None] * across, np.float64)
+
     def half_width(self, view_w: Float) -> Float:
         """Return (M,) half of the blade's extent across the view."""
         across = self.across(view_w)
