@@ -252,13 +252,12 @@ class FollowedWorld:
         message = received.message
         if message.get_srcSystem() != self._system or message.get_srcComponent() != 1:
             return
+        if message.get_type() in _TIMED:
+            self._follow.take(int(getattr(message, "time_boot_ms", 0)) * 1e-3)
         handler = self._handlers.get(message.get_type())
         if handler is not None:
             handler(message)
             self._seen.add(message.get_type())
-        boot_ms = getattr(message, "time_boot_ms", None)
-        if message.get_type() in _TIMED and boot_ms is not None:
-            self._follow.take(int(boot_ms) * 1e-3)
 
     def _heartbeat(self, message: Message) -> None:
         self._telemetry.armed = bool(int(getattr(message, "base_mode", 0)) & 0x80)
@@ -307,10 +306,10 @@ class FollowedWorld:
         x, y, z = (here - home for here, home in zip(self._local, self._home_l, strict=True))
         t.position_l = (x, y, z)
         self._positioned_s = min(self._positioned_s, time.monotonic())
-        boot_s = int(getattr(message, "time_boot_ms", 0)) * 1e-3
-        if boot_s > self._last_truth_s:
-            self._last_truth_s = boot_s
-            self._tell_truth(boot_s)
+        world_s = self._follow.world_s(int(getattr(message, "time_boot_ms", 0)) * 1e-3)
+        if world_s > self._last_truth_s:
+            self._last_truth_s = world_s
+            self._tell_truth(world_s)
 
     def _tell_truth(self, at_s: float) -> None:
         t, launch = self._telemetry, self._scene.launch_w
