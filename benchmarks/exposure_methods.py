@@ -18,7 +18,8 @@ from perception.baselines.exposure_entropy import KimEntropy
 from perception.baselines.exposure_gradient import ShimGradient
 from perception.baselines.exposure_metering import MeanMetering
 from perception.baselines.exposure_percentile import ZhangPercentile
-from perception.exposure import ExposureControl, exposure_control
+from perception.exposure import exposure_control
+from perception.exposure_control import ExposureControl
 from perception.exposure_limits import EvSteps
 from perception.metering import Metered, histogram_of, meter_disc, meter_mask
 from perception.values import Bytes

@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 
 from config.inspection import Exposure
 from perception.exposure_automatic import Automatic
+from perception.exposure_control import ExposureControl
 from perception.exposure_limits import EvSteps
 from perception.exposure_response import BRIGHT, DARK, Histogram, Response
 from perception.exposure_sweep import Sweep
@@ -63,7 +64,7 @@ class _Seen:
         return self.span[0] == self.span[1]
 
 
-class PredictiveExposure:
+class PredictiveExposure(ExposureControl):
     """Inverts a learned response; see the module."""
 
     def __init__(self, settings: Exposure, steps: EvSteps, *, automatic: bool = False) -> None:
@@ -71,8 +72,7 @@ class PredictiveExposure:
 
         ``automatic``: EV biases the camera's own automatic instead of being absolute.
         """
-        self._target_grey = settings.target_grey
-        self._steps = steps
+        super().__init__(steps, settings.target_grey)
         self.response = Response()
         self.timeline = EvTimeline()
         self.trend = Trend()
@@ -83,27 +83,13 @@ class PredictiveExposure:
         self._asked_ev: float | None = None
         self._darkest_ev: float | None = None
         self._residual_ev = 0.0
-        self._at_limit = False
 
     def confirmed(self, ev: float, stamp_s: float) -> None:
-        """Note an EV that the camera confirmed; see `perception.exposure.ExposureControl`."""
+        """Note an EV that the camera confirmed; see `ExposureControl`."""
         if math.isfinite(ev) and math.isfinite(stamp_s):
             self.timeline.confirmed(ev, stamp_s)
             if self._held_ev is None:
                 self._held_ev = self._asked_ev = ev
-
-    def aim(self, target_grey: float) -> None:
-        """Aim at another grey; see `perception.exposure.ExposureControl`."""
-        self._target_grey = target_grey
-
-    def limit(self, steps: EvSteps) -> None:
-        """Take over the EVs that the camera has."""
-        self._steps = steps
-
-    @property
-    def at_limit(self) -> bool:
-        """Whether the camera has nothing nearer to the target in the direction wanted."""
-        return self._at_limit
 
     def update(
         self,
@@ -113,7 +99,7 @@ class PredictiveExposure:
         *,
         spare: bool = False,
     ) -> float:
-        """Return the EV wanted after one frame; see `perception.exposure.ExposureControl`."""
+        """Return the EV wanted after one frame; see `ExposureControl`."""
         held = self._held_ev if self._held_ev is not None else self._steps.nearest(0.0)
         newest_s = self._frames[-1].stamp_s if self._frames else -math.inf
         figures = (metered.mean_grey, metered.clipped, metered.low_grey, stamp_s)

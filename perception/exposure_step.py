@@ -10,40 +10,26 @@ from __future__ import annotations
 import math
 
 from config.inspection import Exposure
+from perception.exposure_control import ExposureControl
 from perception.exposure_limits import EvSteps
 from perception.exposure_response import Histogram
 from perception.metering import Metered
 
 
-class StepExposure:
+class StepExposure(ExposureControl):
     """Algorithm 2, lines 8 to 13."""
 
     def __init__(self, settings: Exposure, steps: EvSteps) -> None:
         """Start without a gamma: the camera's first confirmation brings it."""
+        super().__init__(steps, settings.target_grey)
         self._settings = settings
-        self._steps = steps
         self._gamma_ev: float | None = None
-        self._at_limit = False
-        self._aside = 0.0
 
     def confirmed(self, ev: float, stamp_s: float) -> None:
-        """Take gamma over from the camera once; see `perception.exposure.ExposureControl`."""
+        """Take gamma over from the camera once; see `ExposureControl`."""
         del stamp_s
         if self._gamma_ev is None and math.isfinite(ev):
             self._gamma_ev = ev
-
-    def aim(self, target_grey: float) -> None:
-        """Aim at another grey; see `perception.exposure.ExposureControl`."""
-        self._aside = target_grey - self._settings.target_grey
-
-    def limit(self, steps: EvSteps) -> None:
-        """Take over the EVs that the camera has."""
-        self._steps = steps
-
-    @property
-    def at_limit(self) -> bool:
-        """Whether gamma stands at the end that it was pushed to."""
-        return self._at_limit
 
     def update(
         self,
@@ -53,13 +39,14 @@ class StepExposure:
         *,
         spare: bool = False,
     ) -> float:
-        """Return gamma after one frame; see `perception.exposure.ExposureControl`."""
+        """Return gamma after one frame; see `ExposureControl`."""
         del stamp_s, histogram, spare  # the paper looks at the mean alone
         gamma = 0.0 if self._gamma_ev is None else self._gamma_ev
         wanted = gamma
-        if metered.mean_grey > self._settings.max_grey + self._aside:
+        aside = self._target_grey - self._settings.target_grey
+        if metered.mean_grey > self._settings.max_grey + aside:
             wanted = gamma - self._settings.step_ev
-        elif metered.mean_grey < self._settings.min_grey + self._aside:
+        elif metered.mean_grey < self._settings.min_grey + aside:
             wanted = gamma + self._settings.step_ev
         # Clamped where it is kept, so that it does not wind up beyond what the camera can do.
         low, high = self._steps.evs[0], self._steps.evs[-1]

@@ -32,7 +32,8 @@ from mission.remote.messages import Intent
 from perception.air_echoes import AirEchoes
 from perception.clearance import OccupancyMemory, RepeatedScans
 from perception.deskew import points_in_world
-from perception.exposure import ExposureControl, exposure_control
+from perception.exposure import exposure_control
+from perception.exposure_control import ExposureControl
 from perception.frame_check import FrameCheck
 from perception.geometry import camera_looking_along, rotation_from_quaternion, vec3
 from perception.metering import histogram_of
