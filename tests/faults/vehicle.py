@@ -11,11 +11,12 @@ from unittest import mock
 
 import numpy as np
 
+from benchmarks.virtual_flight import TERMINAL
 from config.energy import must_return_at
 from config.presets import load_turbine
 from config.settings import Settings
 from drivers.autopilot_state import VehicleMode, VehicleReading
-from mission.flight.command import Phase
+from mission.flight.command import Action, Phase
 from mission.flight.observation import FlightMode
 from mission.processes.preflight import preflight_items, wanted_parameters
 from mission.remote.messages import SensingHealth
@@ -97,6 +98,26 @@ def offboard_refused():
     assert len(asked) <= 3
     events = frozenset(e.name for e in flown.events)
     words = f"asked {len(asked)} times, then landed"
+    return Seen(len(asked), events, end=str(flight.machine.state), figure=words)
+
+
+def arming_not_carried_out():
+    """The autopilot acknowledges and stays disarmed."""
+
+    def hook(flight, observation):
+        vehicle = dataclasses.replace(observation.vehicle, armed=False, in_air=False, landed=True)
+        return dataclasses.replace(observation, vehicle=vehicle)
+
+    flight, asked = mission(hook=hook), []
+    flown = flight.run(limit_s=0.0)
+    while flight.machine.state not in TERMINAL:
+        command = flight.one_tick(flown).command
+        if command.action is Action.ARM:
+            asked.append(flight.now_s)
+        assert command.action is not Action.TAKEOFF
+    assert 1 < len(asked) <= 3
+    events = frozenset(e.name for e in flown.events)
+    words = f"asked {len(asked)} times: {flight.machine.report().words}"
     return Seen(len(asked), events, end=str(flight.machine.state), figure=words)
 
 
@@ -359,6 +380,8 @@ ROWS = (
           "tests/mission/flight/test_takeover.py"
           "::test_what_the_pilot_took_is_taken_back_only_by_a_request"),
     Fault(23, "offboard is refused", offboard_refused, "offboard_refused", None, "refused"),
+    Fault(23, "arming is not carried out", arming_not_carried_out, "offboard_refused", None,
+          "refused"),
     Fault(24, "each thing that preflight looks at is wrong in turn",
           preflight_lists_what_is_wrong, "preflight", None, "refused", lacking=_LIMITS_24),
     Fault(24, "the operator's word that the rotor is locked is missing",

@@ -53,7 +53,7 @@ class Preflight:
         if vehicle.in_air:
             return take_over(flight)
         flight.home_w = vehicle.home_w or vehicle.position_w
-        return Intent("arming", action=Action.ARM, then=Takeoff())
+        return Intent("arming", action=Action.ARM, then=Takeoff(Action.ARM))
 
     def _armable_mode(self, flight: Flight) -> Action | None:
         """Return a request for hold where it may be only the mode that forbids arming.

@@ -21,10 +21,11 @@ class Takeoff:
 
     phase = Phase.TAKEOFF
 
-    def __init__(self) -> None:
+    def __init__(self, asked: Action | None = None) -> None:
+        """``asked``: for what has been asked once already."""
         self._asked_s: float | None = None
-        self._asked: Action | None = None
-        self._tries = 0
+        self._asked = asked
+        self._tries = 0 if asked is None else 1
         self._still_s: float | None = None
 
     def resume(self, _flight: Flight) -> None:
