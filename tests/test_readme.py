@@ -10,6 +10,8 @@ import pytest
 from typer.main import get_command
 
 import bladescout
+from config.explain import schema_of
+from config.settings import Settings
 from config.sources import load
 from drivers.bus import Key
 from mission.cli.exits import Exit
@@ -26,6 +28,25 @@ PAGES = "\n".join(
         MEASURED,
         *((ROOT / "docs" / f"{name}.md").read_text() for name in ("estimate", "mission-folder")),
     ]
+)
+#: Everything that is written for a reader.
+ALL_PAGES = {
+    path.relative_to(ROOT).as_posix(): path.read_text()
+    for path in (*sorted(ROOT.glob("*.md")), *sorted(ROOT.glob("docs/*.md")))
+}
+#: Of files and modules, which are no settings.
+SUFFIXES = (
+    ".py",
+    ".md",
+    ".toml",
+    ".json",
+    ".jsonl",
+    ".html",
+    ".mcap",
+    ".xml",
+    ".yaml",
+    ".tlog",
+    ".geojson",
 )
 PLACEHOLDERS = {
     "FILE": "drone.toml",
@@ -71,13 +92,17 @@ def context_of(words):
         command, words = command.commands[words[0]], words[1:]
 
 
-@pytest.mark.parametrize("command", [c for c in typed() if c.startswith("bladescout")])
+@pytest.mark.parametrize(
+    "command",
+    [c for c in typed("\n".join(ALL_PAGES.values())) if c.startswith("bladescout")],
+)
 def test_every_command_can_be_typed_as_it_stands(command):
     words = words_of(command)
-    if words[1:] == ["start", "hill-3"]:
-        # It would ask for the rest.
-        words += ["--operator", "A. Person", "--rotor-locked"]
-    assert context_of(words[1:]) is not None
+    if len(words) == 2:
+        # Named, not typed.
+        assert words[1] in get_command(app).commands
+    else:
+        assert context_of(words[1:]) is not None
 
 
 def test_every_make_target_exists():
@@ -105,6 +130,22 @@ def test_the_settings_file_can_be_used(tmp_path):
     settings = load([file], environment={}).settings
     assert settings.sites[0].name == "hill-3"
     assert settings.vehicle == "heron"
+
+
+SETTINGS = sorted(
+    {
+        (page, key)
+        for page, text in ALL_PAGES.items()
+        for key in re.findall(r"(?:`|--set )([a-z_]+\.[a-z_0-9.]+)\b", text)
+        if key.partition(".")[0] in Settings.model_fields and not key.endswith(SUFFIXES)
+    }
+)
+
+
+@pytest.mark.parametrize(("page", "key"), SETTINGS)
+def test_every_setting_that_is_named_exists(page, key):
+    parts = tuple(int(part) if part.isdecimal() else part for part in key.split("."))
+    assert schema_of(parts) is not None
 
 
 def test_the_variable_and_the_override_of_the_readme_are_understood():
