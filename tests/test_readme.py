@@ -16,6 +16,7 @@ from config.sources import load
 from drivers.bus import Key
 from mission.cli.exits import Exit
 from mission.cli.main import app
+from mission.remote.farm import load_farm
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
@@ -130,6 +131,15 @@ def test_the_settings_file_can_be_used(tmp_path):
     settings = load([file], environment={}).settings
     assert settings.sites[0].name == "hill-3"
     assert settings.vehicle == "heron"
+
+
+def test_the_farm_of_the_page_can_be_flown(tmp_path):
+    (text,) = blocks("toml", ALL_PAGES["docs/fleet.md"])
+    file = tmp_path / "farm.toml"
+    file.write_text(text)
+    farm = load_farm(file)
+    assert farm.turbines[1].vehicles == ("stork",)
+    assert farm.vehicles[1].router == "tls/192.168.1.6:7448"
 
 
 SETTINGS = sorted(
