@@ -32,7 +32,7 @@ APART_S = 60.0
 class FlightRecord(BaseModel):
     """One flight, as far as it is known."""
 
-    model_config = ConfigDict(frozen=True, extra="ignore", ser_json_inf_nan="constants")
+    model_config = ConfigDict(frozen=True, extra="ignore", ser_json_inf_nan="strings")
     schema_version: int = 1
     number: int
     intent: Intent

@@ -26,7 +26,7 @@ Xyz = tuple[float, float, float]
 
 class _Part(BaseModel):
     # What was not measured is not a number, and stays so.
-    model_config = ConfigDict(frozen=True, ser_json_inf_nan="constants")
+    model_config = ConfigDict(frozen=True, ser_json_inf_nan="strings")
 
 
 class _Blade(_Part):

@@ -8,6 +8,7 @@ for viewers (`scene.py`), and as metadata all that a replay needs: settings, tur
 from __future__ import annotations
 
 import json
+import math
 import struct
 import time
 from collections.abc import Mapping
@@ -215,7 +216,9 @@ def schema_of(topic: str, message: Message | None = None) -> ChannelSchema:
         data = build_file_descriptor_set(kind).SerializeToString()
         return ChannelSchema(kind.DESCRIPTOR.full_name, "protobuf", data, "protobuf")
     name = f"bladescout.{topic.replace('/', '.')}"
-    return ChannelSchema(name, "jsonschema", json.dumps(_json_schema(topic)).encode(), "json")
+    return ChannelSchema(
+        name, "jsonschema", json.dumps(_json_schema(topic), allow_nan=False).encode(), "json"
+    )
 
 
 def _json_schema(topic: str) -> dict[str, object]:
@@ -223,5 +226,16 @@ def _json_schema(topic: str) -> dict[str, object]:
     if kind is None:
         return {"type": "object"}
     if issubclass(kind, BaseModel):
-        return kind.model_json_schema()
-    return TypeAdapter(kind).json_schema()
+        return _without_infinity(kind.model_json_schema())
+    return _without_infinity(TypeAdapter(kind).json_schema())
+
+
+def _without_infinity(schema: dict[str, object]) -> dict[str, object]:
+    """Leave out what is no JSON: viewers do not read a channel whose schema they cannot parse."""
+    found: dict[str, object] = {}
+    for key, value in schema.items():
+        if isinstance(value, dict):
+            found[key] = _without_infinity(value)
+        elif not (isinstance(value, float) and not math.isfinite(value)):
+            found[key] = value
+    return found

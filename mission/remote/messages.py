@@ -203,9 +203,9 @@ class VehicleMessage(Message):
     gimbal: GimbalState | None = None
     camera: CameraState | None = None
 
-    # A battery that never reported has a stamp of minus infinity.
+    # A battery that never reported has a stamp of minus infinity; JSON has no such number.
     model_config = ConfigDict(
-        frozen=True, extra="forbid", allow_inf_nan=True, ser_json_inf_nan="constants"
+        frozen=True, extra="forbid", allow_inf_nan=True, ser_json_inf_nan="strings"
     )
 
 
@@ -362,7 +362,7 @@ class TakenMessage(Message):
 class TickRecord(BaseModel):
     """One tick as recorded: what was known, what was decided, what was sent."""
 
-    model_config = ConfigDict(frozen=True, ser_json_inf_nan="constants")
+    model_config = ConfigDict(frozen=True, ser_json_inf_nan="strings")
     observation: Observation
     command: Command
     """As the guard let it pass."""

@@ -1,5 +1,6 @@
 import errno
 import json
+import math
 import os
 import random
 import re
@@ -22,12 +23,21 @@ from config.presets import load_turbine
 from config.settings import Settings
 from drivers.bus import Key
 from drivers.codecs import encode_frame, encode_points, encode_scan
-from mission.flight.command import PhotoCommand
+from mission.flight.command import (
+    Command,
+    MissionState,
+    Phase,
+    PhotoCommand,
+    Progress,
+    SensingMode,
+    SensingTask,
+)
 from mission.flight.observation import (
     BladeEstimate,
     BladeTrack,
     FlightMode,
     GimbalState,
+    Observation,
     RotorEstimate,
     Vehicle,
 )
@@ -44,6 +54,7 @@ from mission.remote.messages import (
     EventMessage,
     PhotoResultMessage,
     PhotoTakenMessage,
+    TickRecord,
     VehicleMessage,
 )
 from mission.remote.plan_message import LegMessage, PlanMessage, told
@@ -242,6 +253,38 @@ def test_a_plan_is_told_as_it_is_flown():
         assert one.line_w[0] == pytest.approx(leg.position(leg.photos[0]))
         assert one.line_w[-1] == pytest.approx(leg.position(leg.photos[-1]))
         assert one.photos_m == leg.photos
+
+
+def no_json(word):
+    raise AssertionError(f"{word} is no JSON")
+
+
+def test_viewers_can_parse_every_schema_and_what_is_infinite(tmp_path):
+    for key in JSON_CHANNELS:
+        json.dumps(_json_schema(key), allow_nan=False)
+    silent = VehicleMessage.model_validate_json(a_vehicle())
+    assert silent.vehicle.battery_stamp_s == -math.inf
+    tick = TickRecord(
+        observation=Observation(now_s=1.0, tick=1, vehicle=silent.vehicle),
+        command=Command(
+            1,
+            None,
+            None,
+            None,
+            None,
+            None,
+            SensingTask(SensingMode.IDLE, 0),
+            Progress(Phase.IDLE, MissionState.IDLE, ""),
+        ),
+        surroundings_s=-math.inf,
+    )
+    for message in (silent, tick):
+        text = message.model_dump_json()
+        json.loads(text, parse_constant=no_json)
+        assert type(message).model_validate_json(text) == message
+        # As it was written before.
+        older = text.replace('"-Infinity"', "-Infinity")
+        assert type(message).model_validate_json(older) == message
 
 
 def test_every_channel_and_schema_is_listed_in_the_architecture():
