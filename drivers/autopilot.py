@@ -180,10 +180,12 @@ class AutopilotLink:
 
     async def _take_off(self, height_m: float, wanted: Callable[[], bool]) -> None:
         altitude_m = self._state.altitude_m
-        if altitude_m is None:
+        if altitude_m is None and self._settings.strict:
             raise Refused("takeoff: the vehicle's altitude is not known yet")
-        # Height above sea level; where and with which heading stays the autopilot's own choice.
-        where = (0.0, 0.0, 0.0, None, None, None, altitude_m + height_m)
+        # Height above sea level; where and with which heading stays the autopilot's own choice, and
+        # how high, where it tells no altitude.
+        top_m = None if altitude_m is None else altitude_m + height_m
+        where = (0.0, 0.0, 0.0, None, None, None, top_m)
         await self.wire.command("takeoff", _TAKEOFF, where, wanted=wanted)
 
     async def read_parameters(self, names: tuple[str, ...]) -> dict[str, float]:
