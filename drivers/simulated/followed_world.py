@@ -43,6 +43,8 @@ _SETTLE_S = 60.0
 #: So long after its first position a vehicle that tells no home is taken to stand there.
 _NO_HOME_S = 15.0
 _AFTER_MISSION_ASKED_S = 0.5
+#: So high above its home a vehicle that does not tell whether it has landed is taken to fly.
+_AIRBORNE_M = 1.0
 
 
 class FollowedWorld:
@@ -264,8 +266,11 @@ class FollowedWorld:
         self._custom_mode = int(getattr(message, "custom_mode", 0))
 
     def _landed_state(self, message: Message) -> None:
-        self.airborne = getattr(message, "landed_state", 0) in (2, 3, 4)
-        self._took_off = self._took_off or self.airborne
+        self._flies(flying=getattr(message, "landed_state", 0) in (2, 3, 4))
+
+    def _flies(self, *, flying: bool) -> None:
+        self.airborne = flying
+        self._took_off = self._took_off or flying
 
     def _wind(self, message: Message) -> None:
         north, east = (float(getattr(message, name, 0.0)) for name in ("wind_x", "wind_y"))
@@ -305,6 +310,8 @@ class FollowedWorld:
         t.velocity_l = swapped((v[0], v[1], v[2]))
         x, y, z = (here - home for here, home in zip(self._local, self._home_l, strict=True))
         t.position_l = (x, y, z)
+        if "EXTENDED_SYS_STATE" not in self._seen:
+            self._flies(flying=t.armed and z > _AIRBORNE_M)
         self._positioned_s = min(self._positioned_s, time.monotonic())
         world_s = self._follow.world_s(int(getattr(message, "time_boot_ms", 0)) * 1e-3)
         if world_s > self._last_truth_s:

@@ -215,6 +215,18 @@ async def test_the_clock_follows_any_stream_of_a_vehicle_that_tells_its_place_se
     assert world.now_s > 0.0
 
 
+async def test_a_vehicle_that_does_not_tell_whether_it_landed_flies_where_it_is_high(tmp_path):
+    def high(boot_ms):
+        beat, angles, _ = bare(boot_ms)
+        beat.base_mode = 0x81
+        place = mavlink.MAVLink_local_position_ned_message(boot_ms, 40.0, -20.0, -8.0, 0, 0, 0)
+        return [beat, angles, place, at_its_home(boot_ms)[-1]]
+
+    world, _ = await followed(tmp_path, high)
+    assert world.airborne
+    assert world.facts().took_off
+
+
 async def test_a_vehicle_with_another_system_id_is_named(tmp_path):
     with pytest.raises(TimeoutError, match=r"heard system id 42: set autopilot\.system_id"):
         await followed(tmp_path, at_its_home, system=42)
