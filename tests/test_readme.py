@@ -224,3 +224,11 @@ def test_the_table_of_flows_names_every_key(key):
 def test_every_table_has_the_same_number_of_columns_in_each_row(name):
     for table in re.findall(r"(?:^ *\|.*\|\n)+", (ROOT / name).read_text(), re.MULTILINE):
         assert len({len(re.findall(r"(?<!\\)\|", row)) for row in table.splitlines()}) == 1, table
+
+
+def test_what_the_commands_leave_is_neither_committed_nor_put_into_an_image():
+    ignored = (ROOT / ".gitignore").read_text().splitlines()
+    left_out = (ROOT / ".dockerignore").read_text().splitlines()
+    for folder in ("missions", "keys", "field"):
+        assert f"/{folder}/" in ignored
+        assert folder in left_out
