@@ -28,7 +28,7 @@ HEADING_S = 5.0
 HEADING_OFF_RAD, HEADING_BACK_RAD = math.radians(5.0), math.radians(2.5)
 WIND_MEAN_S = 5.0
 CAMERA_LOST_S = 10.0
-EXPOSURE_STALE_S = 2.0
+EXPOSURE_OLD_S, EXPOSURE_STALE_S = 0.5, 2.0
 BLOCKED_S = 20.0
 
 #: Phases in which the vehicle is flown near or towards the turbine.
@@ -62,7 +62,7 @@ class Watch:
             active |= self._scans(flight, observation)
             active |= self._rotor(observation)
         if phase is Phase.TRACK or phase is Phase.HOLD:
-            active |= self._camera(observation)
+            active |= self._camera(flight, observation)
         if phase is Phase.TRACK and self._rotor_watch.moved(flight):
             active.add(Event.ROTOR_MOVED)
         active |= self._guard(observation)
@@ -207,7 +207,7 @@ class Watch:
             seen = True
         return {Event.ROTOR_TURNING} if seen else set()
 
-    def _camera(self, observation: Observation) -> set[Event]:
+    def _camera(self, flight: Flight, observation: Observation) -> set[Event]:
         now, active = observation.now_s, set()
         camera, gimbal, exposure = observation.camera, observation.gimbal, observation.exposure
         offline = camera is None or not camera.online
@@ -216,7 +216,9 @@ class Watch:
             active.add(Event.CAMERA_LOST if gone_s > CAMERA_LOST_S else Event.CAMERA_OFFLINE)
         if gimbal is None or now - gimbal.stamp_s > 1.0:
             active.add(Event.GIMBAL_SILENT)
-        if exposure is not None and now - exposure.stamp_s > EXPOSURE_STALE_S:
+        # Between two passes no blade is before the camera.
+        dark = flight.on_leg and exposure is not None and now - exposure.stamp_s > EXPOSURE_OLD_S
+        if self._lasting("exposure", dark, now) > EXPOSURE_STALE_S:
             active.add(Event.EXPOSURE_STALE)
         return active
 
