@@ -132,8 +132,12 @@ class MavlinkLink:
         """Change how the link fails; see `_disturbed`."""
         self._word = word
 
-    def read(self, now_s: float) -> None:
-        """Take in all waiting datagrams; they are delivered after the link's delay."""
+    def read(self, now_s: float, when: Callable[[int], float] | None = None) -> None:
+        """Take in all waiting datagrams; they are delivered after the link's delay.
+
+        ``when`` gives the mission time of an arrival (monotonic ns): a reader that was kept from
+        reading delivers each when it would have been; without it they all arrive now.
+        """
         while True:
             try:
                 data, extra, _, peer = self._socket.recvmsg(2048, 64)
@@ -151,8 +155,9 @@ class MavlinkLink:
             if disturbed is None or self._word == "stuck":
                 continue
             data, delay_s = disturbed
+            arrival_s = now_s if when is None else min(now_s, when(arrival_ns))
             for message in self._parser.parse_buffer(bytearray(data)) or []:
-                self._take(Received(message, arrival_ns), now_s + delay_s)
+                self._take(Received(message, arrival_ns), arrival_s + delay_s)
 
     def _take(self, received: Received, due_s: float) -> None:
         if received.message.get_type() == "BAD_DATA":

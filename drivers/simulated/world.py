@@ -83,6 +83,9 @@ class World:
         try:
             while True:
                 await sleep_until(self._clock, self.now_s + TICK_S)
+                # A real autopilot is not kept from its link: what came meanwhile came in time.
+                for link in self.links:
+                    self._read(link)
                 behind = int((self._clock.now_s() - self.now_s) / TICK_S)
                 for _ in range(min(max(behind, 1), _MAX_BURST)):
                     self.step()
@@ -160,7 +163,7 @@ class World:
         )
 
     def _read(self, link: MavlinkLink) -> None:
-        link.read(self._clock.now_s())
+        link.read(self._clock.now_s(), self._clock.mission_time_of)
 
     def _arrived(self, received: Received) -> None:
         message = received.message
