@@ -27,15 +27,19 @@ def asked_text(option: str, given: str, question: str) -> str:
     if given:
         return given
     _need_terminal(option)
-    return str(typer.prompt(question, err=True))
+    return str(typer.prompt(question, err=True, prompt_suffix=" "))
 
 
 def asked_word(option: str, given: bool, question: str) -> bool:
-    """Return the word that was given, or the one that is given where somebody is asked."""
-    if given:
-        return True
-    _need_terminal(option)
-    return typer.confirm(question, err=True)
+    """Return that the word was given, now or before; end where somebody who is asked denies it."""
+    if not given:
+        _need_terminal(option)
+        if not typer.confirm(question, err=True, prompt_suffix=" "):
+            end(
+                Exit.REFUSED,
+                "nothing was started: whoever starts a mission gives their word for it",
+            )
+    return True
 
 
 def mission_typed(place: Path) -> Path:

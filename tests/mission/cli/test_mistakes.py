@@ -138,3 +138,17 @@ def test_words_that_are_no_command_exit_2_as_well(run, words):
     result = run(*words)
     assert result.exit_code == 2
     assert "Traceback" not in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("answers", "code", "said"),
+    [("ada\nn\n", 3, "nothing was started"), ("ada\ny\n", 5, "no daemon answers")],
+)
+def test_who_sits_at_a_terminal_is_asked_and_may_say_no(run, monkeypatch, answers, code, said):
+    monkeypatch.setattr("mission.cli.typed._need_terminal", lambda _: None)
+    result = run("start", "hill-3", "--router", "tcp/127.0.0.1:1", input=answers)
+    assert result.exit_code == code
+    assert said in result.stderr
+    assert "Who starts the mission?" in result.stderr
+    # The runner shows what is typed, as a terminal does; the questions are not there.
+    assert result.stdout.split() == answers.split()
