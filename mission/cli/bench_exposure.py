@@ -146,8 +146,10 @@ def _spread(outcomes: list[Outcome]) -> str:
 
 
 def _table(bench: Bench) -> Table:
+    from benchmarks.exposure_passes import FRAMES
+
     grid = Table(
-        title="stills of the blade, root to tip (grey, nats); live frames outside of 110",
+        title=f"stills of the blade, root to tip (grey, nats); live frames outside of {FRAMES}",
         title_justify="left",
     )
     headings = ("case", "method", "mean", "sigma", "entropy", "in range", "outside", "CNR", "CLAHE")
