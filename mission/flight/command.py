@@ -146,6 +146,7 @@ class Progress:
     words: str
     """The reason or activity in one sentence."""
     pass_index: int = 0
+    """The pass that is flown, or was the last: 1 is the first; 0 before it."""
     pass_count: int = 0
     blade: str = ""
     side: str = ""

@@ -62,7 +62,7 @@ class Logbook:
             phase=phase,
             state=flight.state,
             words=intent.words,
-            pass_index=flight.leg_index,
+            pass_index=_pass_flown(flight),
             pass_count=0 if flight.plan is None else len(flight.plan.legs),
             # What is flown, and not what is next: stretches are flown again in between.
             blade=flight.task.blade,
@@ -96,3 +96,12 @@ class Logbook:
             ),
             swap=flight.swap,
         )
+
+
+def _pass_flown(flight: Flight) -> int:
+    """Return the number of the pass that is flown; a stretch flown again counts as its own."""
+    legs = () if flight.plan is None else flight.plan.legs
+    if flight.leg_index >= len(legs):
+        return len(legs)
+    leg, task = legs[flight.leg_index], flight.task
+    return flight.leg_index + ((leg.blade, leg.side) == (task.blade, task.side))

@@ -422,13 +422,14 @@ def test_the_next_photo_is_not_asked_for_while_the_camera_is_storing_the_last(ba
 
 def test_a_photo_that_failed_twice_is_flown_again_before_the_next_blade():
     flight = mission(blades=("A", "B"))
-    failing, lost, shown = {2, 3}, set(), set()
+    failing, lost, shown, numbers = {2, 3}, set(), set(), []
 
     def hook(flight, observation):
         before = flight._previous
         if before is not None and before.command.photo is not None:
             photo, progress = before.command.photo, before.command.progress
             shown.add((progress.blade, progress.side) == (photo.blade, photo.side))
+            numbers.append(progress.pass_index)
         camera = observation.camera
         if camera is not None and camera.last_photo_id in failing:
             lost.add(camera.last_photo_id)
@@ -444,6 +445,8 @@ def test_a_photo_that_failed_twice_is_flown_again_before_the_next_blade():
     assert any(text.startswith("again") for text in passes)
     # What is shown is what is flown, and not what comes next.
     assert shown == {True}
+    assert numbers == sorted(numbers)
+    assert set(numbers) == {1, 2}
     # Each blade is done with before the other is begun.
     assert blades == sorted(blades) or blades == sorted(blades, reverse=True)
 
