@@ -57,7 +57,7 @@ _RESULTS = {
 _ACCEPTED, _TEMPORARILY_REJECTED, _IN_PROGRESS = 0, 1, 5
 _COMMAND_TRIES = 3
 _ACK_TIMEOUT_S = 0.6
-_PROGRESS_TIMEOUT_S = 5.0
+_PROGRESS_TIMEOUT_S, _PROGRESS_MOST_S = 5.0, 30.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +137,8 @@ class Wire:
         self._direct = MavlinkDirect(system)
         self.system_id = system_id
         self._loop = asyncio.get_running_loop()
-        self._waiting: dict[tuple[int, int], asyncio.Future[int]] = {}
+        self._waiting: dict[tuple[int, int], asyncio.Queue[int]] = {}
+        self._turns: dict[tuple[int, int], asyncio.Lock] = {}
         self._calls = ThreadPoolExecutor(2, thread_name_prefix="mavsdk-call")
         self._running: set[asyncio.Future[Any]] = set()
         self._closed = False
@@ -222,9 +223,6 @@ class Wire:
         each repetition: where it says no, nothing more is sent.
         """
         key = (command, component_id)
-        while (earlier := self._waiting.get(key)) is not None:
-            await asyncio.wait([earlier])
-            await asyncio.sleep(0)
         reason = "no acknowledgement"
         refusal: type[Refused] = Unanswered
         for attempt in range(tries):
@@ -252,22 +250,23 @@ class Wire:
             "confirmation": attempt,
         }
         fields |= {f"param{i + 1}": value for i, value in enumerate(parameters)}
-        timeout_s = _ACK_TIMEOUT_S
-        while True:
-            answer: asyncio.Future[int] = self._loop.create_future()
-            self._waiting[key] = answer
+        # One at a time: an acknowledgement does not say which of two equal commands it is of.
+        async with self._turns.setdefault(key, asyncio.Lock()):
+            answers: asyncio.Queue[int] = asyncio.Queue()
+            self._waiting[key] = answers
             try:
-                if timeout_s == _ACK_TIMEOUT_S:
-                    self.send("COMMAND_LONG", json.dumps(fields), component_id)
-                result = await asyncio.wait_for(answer, timeout_s)
+                self.send("COMMAND_LONG", json.dumps(fields), component_id)
+                async with asyncio.timeout(_PROGRESS_MOST_S):
+                    result = await asyncio.wait_for(answers.get(), _ACK_TIMEOUT_S)
+                    # The end may follow at once.
+                    while result == _IN_PROGRESS:
+                        result = await asyncio.wait_for(answers.get(), _PROGRESS_TIMEOUT_S)
             except TimeoutError:
                 return None
-            finally:
-                self._waiting.pop(key, None)
-                answer.cancel()
-            if result != _IN_PROGRESS:
+            else:
                 return result
-            timeout_s = _PROGRESS_TIMEOUT_S
+            finally:
+                del self._waiting[key]
 
     def _take_ack(self, ack: Received) -> None:
         # Zero: a vehicle that does not say whom it answers.
@@ -278,9 +277,9 @@ class Wire:
             self._loop.call_soon_threadsafe(self._settle, key, ack.integer("result"))
 
     def _settle(self, key: tuple[int, int], result: int) -> None:
-        answer = self._waiting.get(key)
-        if answer is not None and not answer.done():
-            answer.set_result(result)
+        answers = self._waiting.get(key)
+        if answers is not None:
+            answers.put_nowait(result)
 
     def plugin_system(self) -> System:
         """Return the MAVSDK system, for a plugin of its own (parameters)."""
@@ -292,8 +291,13 @@ class Wire:
             raise LinkFailed("the link to the vehicle is closed")
         future = self._loop.run_in_executor(self._calls, function)
         self._running.add(future)
-        future.add_done_callback(self._running.discard)
+        future.add_done_callback(self._ended)
         return await asyncio.shield(future)
+
+    def _ended(self, call: asyncio.Future[Any]) -> None:
+        self._running.discard(call)
+        if not call.cancelled():
+            call.exception()  # looked at: who asked may be gone, and then nobody minds
 
     async def close(self) -> None:
         """Let go of the vehicle; nothing is sent any more."""

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import gc
 import math
 import socket
 import time
@@ -19,7 +20,7 @@ SYSTEM = 9
 
 
 class PlainVehicle(asyncio.DatagramProtocol):
-    """Acknowledges every command; every second acknowledgement is lost."""
+    """Acknowledges every command; every second acknowledgement is lost, unless told otherwise."""
 
     def __init__(self, port):
         self._port = port
@@ -28,6 +29,8 @@ class PlainVehicle(asyncio.DatagramProtocol):
         self._parser.robust_parsing = True
         self._transport = None
         self._acknowledged = 0
+        self.loses = True
+        self.results = (0,)
         self.commands = []
 
     def connection_made(self, transport):
@@ -44,8 +47,9 @@ class PlainVehicle(asyncio.DatagramProtocol):
     def _command(self, message):
         self.commands.append(message)
         self._acknowledged += 1
-        if self._acknowledged % 2:
-            self.send(mavlink.MAVLink_command_ack_message(message.command, 0))
+        if self._acknowledged % 2 or not self.loses:
+            for result in self.results:
+                self.send(mavlink.MAVLink_command_ack_message(message.command, result))
 
     def send(self, message):
         data = message.pack(self._packer)
@@ -102,3 +106,35 @@ async def test_a_drone_without_an_altitude_is_not_taken_off():
     async with linked() as (link, _):
         with pytest.raises(Refused, match="altitude"):
             await link.act("takeoff", 12.0)
+
+
+async def test_an_end_that_follows_its_progress_at_once_is_heard():
+    async with linked() as (link, vehicle):
+        vehicle.results = (5, 5, 0)
+        begun_s = time.monotonic()
+        await link.wire.command("photo", 2000, (0.0,))
+        await link.wire.command("photo", 2000, (0.0,))
+        assert time.monotonic() - begun_s < 3.0  # one acknowledgement in two is lost, no more
+        vehicle.results = (5, 4)
+        with pytest.raises(Refused, match="failed"):
+            await link.wire.command("photo", 2000, (0.0,))
+
+
+async def test_equal_commands_at_once_are_each_acknowledged():
+    async with linked() as (link, vehicle):
+        vehicle.loses = False
+        await asyncio.gather(*(link.wire.command("stream", 511, (float(k),)) for k in range(4)))
+        asked = [message.param1 for message in vehicle.commands if message.command == 511]
+        assert set(range(4)) <= set(asked)
+
+
+async def test_a_parameter_that_nobody_answers_for_leaves_no_complaint_behind(caplog):
+    async with linked() as (link, _):
+        reading = asyncio.create_task(link.read_parameters(("COM_OF_LOSS_T",)))
+        await asyncio.sleep(0.3)
+        reading.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await reading
+    gc.collect()
+    await asyncio.sleep(0)
+    assert "never retrieved" not in caplog.text
