@@ -35,6 +35,10 @@ IMPLAUSIBLE_M = 20.0
 #: from there more of each blade lies within the LiDAR's height of view.
 OTHER_DISTANCES = (1.0, 1.25, 0.8)
 REFUSALS_A_PLACE = 2
+#: What saw too little says nothing against the looks before it; any other refusal does.
+SAW_TOO_LITTLE = frozenset(
+    {RefusalCode.NO_POINTS, RefusalCode.TWO_BLADES, RefusalCode.LOW_VISIBILITY}
+)
 
 
 class Estimate:
@@ -94,7 +98,8 @@ class Estimate:
         flight.iterations += 1
         if estimate.refusal is not None:
             self._refused += 1
-            self._good.clear()
+            if estimate.refusal not in SAW_TOO_LITTLE:
+                self._good.clear()
             flight.note("estimate", f"refused: {estimate.refusal_text or estimate.refusal}")
             if estimate.refusal == RefusalCode.ROTOR_TURNING:
                 flight.raised.add(Event.ROTOR_TURNING)

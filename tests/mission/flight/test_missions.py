@@ -456,3 +456,21 @@ def test_the_same_observations_give_the_same_commands():
     one, two = first.run(40.0), second.run(40.0)
     assert one.track == two.track
     assert [e.text for e in one.events] == [e.text for e in two.events]
+
+
+@pytest.mark.parametrize(
+    ("refusal", "converges"), [("two_blades", True), ("low_visibility", True), ("no_plane", False)]
+)
+def test_looks_that_see_too_little_do_not_undo_the_ones_before(base, refusal, converges):
+    kept, _ = base
+    flight = copy.deepcopy(kept[Phase.ESTIMATE])
+
+    def hook(flight, observation):
+        rotor = observation.rotor
+        if rotor is not None and rotor.sequence % 3 != 0:
+            rotor = dataclasses.replace(rotor, refusal=refusal, blades=())
+        return dataclasses.replace(observation, rotor=rotor)
+
+    flight.hook = hook
+    order = [p for p in flight.run(120.0).phases if p is not Phase.HOLD]
+    assert (Phase.TRACK in order) is converges
