@@ -91,7 +91,10 @@ def _one(seed: int, scenario: str, overrides: list[str], kept_in: Path) -> Flown
     except subprocess.TimeoutExpired:
         return _unflown(seed, f"no end within {TIMEOUT_S:.0f} s", 1)
     try:
-        return summary(seed, json.loads(ran.stdout), ran.returncode)
+        told = json.loads(ran.stdout)
+        if "state" not in told:
+            return _unflown(seed, told["error"], ran.returncode)
+        return summary(seed, told, ran.returncode)
     except ValueError:
         last = (ran.stderr.strip().splitlines() or ["nothing was said"])[-1]
         return _unflown(seed, last, ran.returncode)

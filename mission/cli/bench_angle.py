@@ -13,6 +13,9 @@ import typer
 from rich.console import Console
 from rich.table import Table as RichTable
 
+from mission.cli.exits import Exit, end
+from mission.cli.typed import AsJson
+
 if TYPE_CHECKING:
     from benchmarks.angle import Table
     from benchmarks.angle_goals import Goal
@@ -83,7 +86,7 @@ def angle(
         list[Path] | None,
         typer.Option(help="Measure nothing: the table of what such files hold; can be repeated."),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Compare the ways to find the stop angle: ten turbine models on five sites, and weather."""
     from benchmarks.angle import Table, measure
@@ -94,7 +97,12 @@ def angle(
 
     table = Table()
     if read:
-        table.merge(Table(read_trials(read)))
+        try:
+            table.merge(Table(read_trials(read)))
+        except OSError as error:
+            end(Exit.CONFIGURATION, f"--read {error.filename}: {error.strerror}")
+        except ValueError:
+            end(Exit.CONFIGURATION, f"--read {read[-1]}: holds other lines than --keep writes")
     else:
         options = SceneOptions(models=HELD_OUT if held_out else None, fog_per_m=fog)
         with Console(stderr=True, highlight=False).status("drawing scenes") as status:

@@ -15,7 +15,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from mission.cli.exits import Exit
+from mission.cli.exits import Exit, end
+from mission.cli.typed import AsJson
 
 if TYPE_CHECKING:
     from benchmarks.exposure import Bench
@@ -36,7 +37,7 @@ def exposure(
     picture: Annotated[
         Path | None, typer.Option(help="Where to save the curves from root to tip (PNG).")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Compare the ways to expose a blade, on the same light."""
     now = datetime.now(UTC).isoformat(timespec="seconds")
@@ -194,8 +195,7 @@ def _brackets(folder: Path, now: str, *, as_json: bool) -> None:
     try:
         found = list(measure(read(folder)))
     except NoBrackets as error:
-        Console(stderr=True, highlight=False).print(str(error))
-        raise typer.Exit(Exit.CONFIGURATION) from error
+        end(Exit.CONFIGURATION, str(error))
     if as_json:
         rows = [asdict(line) for line in found]
         answer = {"schema": "bladescout/bench-exposure-brackets/1", "date": now, "rows": rows}

@@ -13,6 +13,9 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from mission.cli.simulate_command import load_scenario, make_room
+from mission.cli.typed import AsJson
+
 if TYPE_CHECKING:
     from benchmarks.missions import Flown
 
@@ -59,11 +62,13 @@ def missions(
     out: Annotated[
         Path, typer.Option(help="Folder of the missions; one that was begun is gone on with.")
     ] = Path("missions/bench"),
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Fly whole missions of many seeds and show how each ended. Takes minutes a mission."""
     from benchmarks.missions import figures, fly, seeds_of
 
+    load_scenario(scenario, set_ or [], {})
+    make_room(out, None)
     notes = Console(stderr=True, highlight=False)
     seeds = seeds_of(count, seed)
     notes.print(f"seeds: {' '.join(map(str, seeds))}", soft_wrap=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ STATE = Path("/var/lib/bladescout")
 UNIT = Path("/etc/systemd/system/bladescout.service")
 SYSCTL = Path("/etc/sysctl.d/90-bladescout.conf")
 CONFIG = Path("/etc/bladescout/bladescout.toml")
+_USER = re.compile(r"[a-z_][a-z0-9_-]{0,31}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +48,8 @@ def install_service(
     """Install and start the daemon as a systemd service: unit, settings, user, receive buffers."""
     from config.sources import ConfigError, load_settings
 
+    if _USER.fullmatch(user) is None:
+        end(Exit.CONFIGURATION, f"--user {user!r}: must be the name of a system user")
     try:
         settings = load_settings([config], environment={})
         text = config.read_text()

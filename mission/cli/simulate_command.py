@@ -88,12 +88,16 @@ def simulate_command(
     }
     names = scenarios or ["demo"]
     loaded = [(name, load_scenario(name, set_ or [], options)) for name in names]
+    if junit is not None:
+        make_room(junit.parent, None)
+        if junit.is_dir():
+            end(Exit.CONFIGURATION, f"--junit {junit}: is a folder; name a file")
     console = Console(file=sys.stderr if as_json else sys.stdout)
     flown: list[Flown] = []
     try:
         for number, (name, settings) in enumerate(loaded, 1):
             folder = keep / f"{number}-{Path(name).stem}" if keep and len(loaded) > 1 else keep
-            _make_room(Path(settings.missions_dir), folder)
+            make_room(Path(settings.missions_dir), folder)
             flown.append(_fly(name, settings, console, folder, silent=as_json))
     except KeyboardInterrupt:
         end(Exit.UNFINISHED, "interrupted: the simulation was broken off")
@@ -143,7 +147,8 @@ def _fly(
     return Flown(name, exit_of(outcome.state), words, wall_s, outcome.mission_dir, mission)
 
 
-def _make_room(missions: Path, keep: Path | None) -> None:
+def make_room(missions: Path, keep: Path | None) -> None:
+    """Make the folders that will be written to, before anything flies; end where one cannot be."""
     if keep is not None and (keep / "field").exists():
         end(Exit.CONFIGURATION, f"--keep {keep}: holds an earlier run; name an empty folder")
     for folder in (missions, keep):

@@ -13,7 +13,11 @@ def test_a_file_that_is_not_toml_is_told_with_its_line(bladescout, tmp_path):
     (tmp_path / "bad.toml").write_text("vehicle = 'heron'\n[guard\n")
     run = bladescout("simulate", "bad.toml", "--json").wait(20)
     assert run.code == CONFIGURATION
-    assert run.stdout == ""
+    assert json.loads(run.stdout) == {
+        "ok": False,
+        "exit_code": CONFIGURATION,
+        "error": run.sentence,
+    }
     assert "bad.toml" in run.sentence
     assert "line 2" in run.sentence
 
@@ -81,7 +85,7 @@ def test_another_simulator_that_does_not_answer_is_told_in_bounded_time(
     quick = ("--set", "autopilot.connect_timeout_s=3", "--keep", tmp_path / "run")
     run = bladescout("simulate", "demo", "--autopilot", url, "--json", *quick).wait(90)
     assert run.code == DEVICE
-    assert run.stdout == ""
+    assert json.loads(run.stdout)["exit_code"] == DEVICE
     assert url in run.sentence
     assert "no heartbeat" in run.sentence
     assert processes_left() == []

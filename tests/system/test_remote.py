@@ -26,7 +26,7 @@ def test_over_tls_each_may_do_what_its_certificate_says(
     assert json.loads(seen.stdout)["ok"]
     denied = ask("eve", *start)
     assert denied.code == Exit.DEVICE
-    assert denied.sentence == "no reply: not running, or not authorised"
+    assert denied.sentence == "drone-1: no reply: not running, or not authorised"
     # There is no vehicle anywhere: that the operator is told so shows that it was let in.
     refused = ask("ada", *start)
     assert refused.code in (Exit.DEVICE, Exit.REFUSED)
