@@ -34,11 +34,9 @@ _native_log = logging.getLogger("mavsdk")
 
 _Result = TypeVar("_Result")
 
-OWN_SYSTEM = 1
-"""Our system id: an onboard computer shares the vehicle's."""
-
 OWN_COMPONENT = 191
-"""MAV_COMP_ID_ONBOARD_COMPUTER"""
+"""MAV_COMP_ID_ONBOARD_COMPUTER. Our system id is the vehicle's, as of every part of it: by it
+routers and ground stations tell one vehicle's computer from another's."""
 
 _LEVELS = {
     LogLevel.DEBUG: logging.DEBUG,
@@ -157,7 +155,7 @@ class Wire:
             check_url(url)
         log_subscribe(_take_log)
         folders = _metadata_folders()
-        mavsdk = Mavsdk(Configuration.create_manual(OWN_SYSTEM, OWN_COMPONENT, True))
+        mavsdk = Mavsdk(Configuration.create_manual(system_id, OWN_COMPONENT, True))
         loop = asyncio.get_running_loop()
         try:
             for url in urls:
@@ -333,9 +331,13 @@ async def _find(mavsdk: Mavsdk, url: str, system_id: int, timeout_s: float) -> S
                 return system
         if time.monotonic() >= deadline_s:
             others = ", ".join(str(i) for i in sorted(heard - {system_id}))
-            words = f" (heard system id {others})" if others else ""
+            remedy = (
+                f"heard system id {others}: is autopilot.system_id right?"
+                if others
+                else "check its power and wiring, and autopilot.url"
+            )
             raise NoVehicle(
                 f"no vehicle with system id {system_id} answered on {url} "
-                f"within {timeout_s:g} s{words}"
+                f"within {timeout_s:g} s; {remedy}"
             )
         await asyncio.sleep(0.05)
