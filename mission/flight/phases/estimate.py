@@ -119,24 +119,27 @@ class Estimate:
         flight.note(
             "estimate", f"{estimate.stop_angle_deg:.2f} deg, sigma {estimate.sigma_deg:.2f} deg"
         )
-        self._move(flight, hub, np.array(estimate.normal_w))
+        if self._move(flight, hub, np.array(estimate.normal_w)):
+            # It was looked at from a wrong place.
+            self._good.clear()
 
     def _move(
         self, flight: Flight, hub: np.ndarray[tuple[int, ...], np.dtype[np.float64]],
         normal: np.ndarray[tuple[int, ...], np.dtype[np.float64]] | None,
-    ) -> None:  # fmt: skip
+    ) -> bool:  # fmt: skip
+        """Move before a hub, where that is not near; say whether it is far from here."""
         if normal is None:
-            return
+            return False
         share = OTHER_DISTANCES[(self._refused // REFUSALS_A_PLACE) % len(OTHER_DISTANCES)]
         goal = hub - normal * flight.settings.estimation.stand_off_m * share
         apart = float(np.linalg.norm(goal - flight.here_w))
         if apart < RECENTRE_M or self._moving:
-            return
+            return False
         self._moving = True
         flight.go(goal[None], MOVE_MPS)
         if apart > ANEW_M:
-            self._good.clear()
             flight.sense(SensingMode.ROTOR, new=True)
+        return apart > ANEW_M
 
     def _converged(self, flight: Flight) -> bool:
         estimation = flight.settings.estimation
