@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 from config.sensors import Gimbal
 from drivers.autopilot_errors import LinkFailed, Refused, Unanswered
-from drivers.autopilot_wire import OWN_COMPONENT, OWN_SYSTEM, Received, Wire
+from drivers.autopilot_wire import OWN_COMPONENT, Received, Wire
 from drivers.clock import Clock
 from drivers.frames import pitch_up_of, swap_attitude, swap_yaw, yaw_of
 from drivers.stamps import MinimumOffset
@@ -36,7 +36,6 @@ _UNCHANGED = -1.0
 _AUTOPILOT = 1
 #: Device ids of gimbals behind a manager that speak no MAVLink; others are components.
 _WITHOUT_MAVLINK = range(1, 7)
-_OURSELVES = (OWN_SYSTEM, OWN_COMPONENT)
 _NOBODY = (0, 0)
 
 
@@ -74,6 +73,7 @@ class GimbalLink:
         self._manager: int | None = None
         self._rank = 0
         self._device = settings.component_id
+        self._ourselves = (wire.system_id, OWN_COMPONENT)
         self._owner: tuple[int, int] | None = None
         self._reading: GimbalReading | None = None
         self._stamps = MinimumOffset(window_s=5.0)
@@ -96,7 +96,7 @@ class GimbalLink:
 
     @property
     def _in_control(self) -> bool:
-        return self._owner == _OURSELVES
+        return self._owner == self._ourselves
 
     def aim(self, yaw_rad: float, pitch_rad: float) -> bool:
         """Point the optical axis to ENU yaw and pitch, now, on this thread.
@@ -167,7 +167,7 @@ class GimbalLink:
             "gimbal control",
             _CONFIGURE,
             (
-                float(OWN_SYSTEM),
+                float(self._wire.system_id),
                 float(OWN_COMPONENT),
                 _UNCHANGED,
                 _UNCHANGED,
@@ -177,7 +177,7 @@ class GimbalLink:
             ),
             manager,
         )
-        self._owner = _OURSELVES
+        self._owner = self._ourselves
 
     async def _ask_rate(self, rate_hz: float) -> float | None:
         """Ask how often to be told; return what was asked for, None where nothing answered."""

@@ -138,3 +138,10 @@ async def test_a_parameter_that_nobody_answers_for_leaves_no_complaint_behind(ca
     gc.collect()
     await asyncio.sleep(0)
     assert "never retrieved" not in caplog.text
+
+
+async def test_our_commands_come_from_a_component_of_the_vehicles_own_system():
+    async with linked() as (link, vehicle):
+        await link.wire.command("photo", 2000, (0.0,))
+        sender = vehicle.commands[-1]
+        assert (sender.get_srcSystem(), sender.get_srcComponent()) == (SYSTEM, 191)
