@@ -27,7 +27,9 @@ class Battery(ConfigModel):
     """Power model: hover, plus a share that grows with airspeed; and the reserve."""
 
     capacity_wh: Positive = 500.0
+    """Of the full battery."""
     hover_w: Positive = 800.0
+    """Power in a hover."""
     drag_w_per_mps3: NotNegative = 0.35
     """Parasitic power per cube of airspeed."""
     climb_w_per_mps: NotNegative = 90.0
@@ -37,3 +39,4 @@ class Battery(ConfigModel):
     autopilot_return_at: Fraction = 0.15
     """Where the autopilot's own low-battery return starts; ours starts 0.05 earlier."""
     telemetry_timeout_s: Positive = 5.0
+    """A battery that is not told of for so long counts as low."""

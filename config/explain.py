@@ -47,6 +47,17 @@ def allowed(schema: Schema) -> str:
     return " or ".join(dict.fromkeys(_alternatives(_resolved(schema))))
 
 
+def description(path: Path) -> str:
+    """Return what a key is for, in one paragraph; empty where its name says it."""
+    node: Schema = _root()
+    for part in path[:-1]:
+        node = _resolved(_child(_resolved(node), part) or {})
+    # Beside a reference: what the key is for, not what the table is in general.
+    leaf = _child(_resolved(node), path[-1]) or {}
+    words = leaf.get("description") or _resolved(leaf).get("description") or ""
+    return " ".join(str(words).split())
+
+
 def takes_only_text(schema: Schema) -> bool:
     """Return whether the key holds a string and nothing else."""
     return schema.get("type") == "string"
@@ -78,6 +89,13 @@ def _sentence(path: Path, kind: str, message: str, table: Mapping[str, object]) 
     if kind == "value_error":
         return f"{key}: {message.removeprefix('Value error, ')}"
     return f"{key} = {_shown(_value_at(table, path))} is not allowed: it must be {must_be}"
+
+
+def unknown(path: Path) -> str:
+    """Return that there is no such key, and which one may be meant."""
+    known = next((path[:n] for n in range(len(path), 0, -1) if schema_of(path[:n]) is not None), ())
+    missing = path[: len(known) + 1]
+    return f"{dotted(missing)} is not a known setting{_suggestion(missing)}"
 
 
 def _suggestion(path: Path) -> str:

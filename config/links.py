@@ -14,12 +14,15 @@ class Autopilot(ConfigModel):
     """MAVLink links, as MAVSDK 4 writes them (`udpin://`, `tcpout://`, `serial:///dev/...:baud`)."""
 
     url: str = "udpin://127.0.0.1:14540"
+    """The autopilot's link."""
     payload_url: str = ""
     """Camera and gimbal when they are on a link of their own; empty: same link."""
     system_id: Annotated[int, Field(ge=1, le=255)] = 1
     """The vehicle we are bound to; every other one is ignored."""
     connect_timeout_s: Positive = 15.0
+    """After so long without the vehicle that is told, and it is tried again."""
     position_rate_hz: Annotated[float, Field(ge=5, le=200)] = 50.0
+    """Of position and attitude, asked of the autopilot."""
     record_link: bool = True
     """Record every MAVLink message as it was on the wire (`link.tlog`)."""
     strict: bool = True

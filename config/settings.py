@@ -32,6 +32,7 @@ class Settings(ConfigModel):
     vehicle: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,32}$")] = "drone-1"
     """Name of this vehicle: the second part of each bus key."""
     missions_dir: str = "missions"
+    """Where the missions' folders are made."""
     airframe: Airframe = Airframe()
     battery: Battery = Battery()
     autopilot: Autopilot = Autopilot()

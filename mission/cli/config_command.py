@@ -60,6 +60,53 @@ def check(
     typer.echo(f"{file}: every value can be used")
 
 
+@app.command()
+def explain(
+    key: Annotated[
+        str, typer.Argument(metavar="KEY", help="A setting, as guard.max_lead_m; or a section.")
+    ],
+    as_json: AsJson = False,
+) -> None:
+    """Say what a setting is for, what it may be, its default; of a section, of all its keys."""
+    from config import explain
+    from config.settings import Settings
+
+    path = tuple(int(part) if part.isdecimal() else part for part in key.split("."))
+    schema = explain.schema_of(path)
+    if schema is None:
+        end(Exit.CONFIGURATION, explain.unknown(path))
+    defaults = Settings().model_dump(mode="json")
+    keys = [(*path, name) for name in explain.known_keys(path)] or [path]
+    told = [_explained(one, defaults) for one in keys]
+    if as_json:
+        sys.stdout.write(json.dumps({"settings": told}) + "\n")
+        return
+    if len(keys) > 1:
+        typer.echo(f"{key}: {explain.description(path)}\n")
+    for one in told:
+        typer.echo(f"{one['key']}" + (f": {one['description']}" if one["description"] else ""))
+        typer.echo(
+            f"  {one['allowed']}" + (f"; default {one['default']}" if "default" in one else "")
+        )
+
+
+def _explained(path: tuple[str | int, ...], defaults: object) -> dict[str, str]:
+    from config import explain
+
+    schema = explain.schema_of(path) or {}
+    told = {
+        "key": explain.dotted(path),
+        "description": explain.description(path),
+        "allowed": explain.allowed(schema),
+    }
+    value = defaults
+    for part in path:
+        if not isinstance(value, dict) or part not in value:
+            return told  # of an item of a list there is no default
+        value = value[part]
+    return told if isinstance(value, dict) else told | {"default": json.dumps(value)}
+
+
 def _as_object(loaded: Loaded) -> dict[str, object]:
     return {
         "settings": loaded.settings.model_dump(mode="json"),

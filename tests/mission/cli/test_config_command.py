@@ -4,6 +4,7 @@ import pytest
 from typer.testing import CliRunner
 
 from config.scenarios import scenario_path
+from config.settings import Settings
 from mission.cli.config_command import app
 
 
@@ -51,3 +52,28 @@ def test_check_exits_2_and_names_file_key_value_and_range(run, tmp_path):
 def test_check_looks_at_the_file_alone(run, monkeypatch):
     monkeypatch.setenv("BLADESCOUT_VEHICLE", "not a name")
     assert run("check", scenario_path("demo")).exit_code == 0
+
+
+def test_a_setting_is_explained_with_what_it_may_be_and_its_default():
+    shown = CliRunner().invoke(app, ["explain", "guard.max_lead_m"]).stdout
+    assert "at most this far ahead" in shown
+    assert "above 0 and at most 3; default 1.0" in shown
+
+
+@pytest.mark.parametrize("section", ["guard", "tracking", "exposure", "lidar", "autopilot", "bus"])
+def test_a_section_lists_each_of_its_keys(section):
+    told = CliRunner().invoke(app, ["explain", section, "--json"]).stdout
+    keys = [one["key"] for one in json.loads(told)["settings"]]
+    default = Settings().model_dump()[section]
+    assert keys == [f"{section}.{name}" for name in default]
+
+
+@pytest.mark.parametrize("section", ["guard", "tracking", "estimation", "inspection"])
+def test_what_decides_how_it_is_flown_says_what_it_is_for(section):
+    told = CliRunner().invoke(app, ["explain", section, "--json"]).stdout
+    assert [one["key"] for one in json.loads(told)["settings"] if not one["description"]] == []
+
+
+def test_an_item_of_a_list_is_explained_too():
+    shown = CliRunner().invoke(app, ["explain", "sites.0.tower_east_m"]).stdout
+    assert "finite number" in shown

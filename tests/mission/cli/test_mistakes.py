@@ -56,6 +56,8 @@ def run(tmp_path, monkeypatch):
         (("serve", "--config", "bad.toml"), ("bad.toml", "not valid TOML")),
         (("serve", "--set", "guard.max_lead_m=9"), ("guard.max_lead_m", "at most 3")),
         (("config", "check", "unknown.toml"), ("unknown.toml", "guard.max_hight_m")),
+        (("config", "explain", "guard.max_led_m"), ("did you mean guard.max_lead_m?",)),
+        (("config", "explain", "gard"), ("gard is not a known setting", "guard")),
         (("config", "show", "--set", "vehicle=a/b"), ("vehicle", "a/b")),
         (("report", "."), ("mission.json",)),
         (("status", "--vehicle", "a/**"), ("--vehicle", "a/**")),
