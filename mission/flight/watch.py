@@ -18,6 +18,8 @@ SENSING_LOST_S = 20.0
 DEATHS, DEATHS_WITHIN_S = 3, 60.0
 LINK_S = (1.0, 3.0, 10.0)
 HEARTBEAT_EXTRA_S = 1.0
+#: After so long without a tick it is we who did not listen.
+OWN_STALL_S = 1.0
 POSITION_STALE_S = 0.5
 JUMP_M = 1.5
 #: A slower run-off is told over this time: so far from what the velocity explains.
@@ -40,6 +42,9 @@ class Watch:
 
     def __init__(self) -> None:
         self._since: dict[str, float] = {}
+        self._ticked_s = -math.inf
+        self._awake_s = -math.inf
+        """Since when ticks come without a stall of our own."""
         self._wind: deque[tuple[float, float]] = deque()
         self._last: Vehicle | None = None
         self._astray: deque[tuple[float, float, float, float]] = deque()
@@ -54,6 +59,9 @@ class Watch:
     def update(self, flight: Flight, phase: Phase) -> set[Event]:
         """Return every event that is active at this tick."""
         observation = flight.observation
+        if observation.now_s - self._ticked_s > OWN_STALL_S:
+            self._awake_s = observation.now_s
+        self._ticked_s = observation.now_s
         active = set(flight.raised)
         flight.raised.clear()
         if observation.vehicle is not None:
@@ -78,7 +86,8 @@ class Watch:
     def _vehicle(self, flight: Flight, observation: Observation, vehicle: Vehicle) -> set[Event]:
         now, active = observation.now_s, set()
         heard = max(vehicle.stamp_s, vehicle.heartbeat_stamp_s - HEARTBEAT_EXTRA_S)
-        silent = now - heard
+        # What came while we stood still is read only now: that was no silence of the link.
+        silent = now - max(heard, self._awake_s)
         for limit, event in zip(
             LINK_S, (Event.LINK_AGEING, Event.LINK_SILENT, Event.LINK_LOST), strict=True
         ):
@@ -154,7 +163,8 @@ class Watch:
 
     def _battery(self, flight: Flight, vehicle: Vehicle, now: float) -> set[Event]:
         battery = flight.settings.battery
-        aged = now - vehicle.battery_stamp_s > battery.telemetry_timeout_s
+        heard = max(vehicle.battery_stamp_s, self._awake_s)
+        aged = now - heard > battery.telemetry_timeout_s
         if vehicle.battery is None and not flight.settings.autopilot.strict:
             return set()
         if vehicle.battery is None or aged:

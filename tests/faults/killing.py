@@ -86,7 +86,7 @@ class Killed(Rig):
         self.died += any(event.name == "flight_died" for event in self.events)
         self.events.clear()
         self.watcher.recorded = None
-        airborne = air and self.trace()[-1]["armed"]
+        airborne = air and self.newest()["armed"]
         if not airborne:
             self.world.swap_battery()
         self.resume(airborne=airborne)
@@ -116,9 +116,9 @@ class Killed(Rig):
 
     def brought_home(self):
         """Let the pilot bring the vehicle home, and fit a charged battery."""
-        if self.trace()[-1]["armed"]:
+        if self.newest()["armed"]:
             self.world.pilot_returns()
-        self.until(lambda: not self.trace()[-1]["armed"], 900.0, every_s=0.5)
+        self.until(lambda: not self.newest()["armed"], 900.0, every_s=0.5)
         self.world.swap_battery()
 
 

@@ -44,7 +44,7 @@ def come_to(rig, phase):
 def left_alone(rig):
     """Assert that the vehicle comes to rest by the autopilot alone, and stays; return the words."""
     begun_s = rig.now_s()
-    rig.until(lambda: rig.trace()[-1]["mode"] in HELD, 30.0)
+    rig.until(lambda: rig.newest()["mode"] in HELD, 30.0)
     time.sleep(REST_S)
     lines = [line for line in rig.trace() if line["mission_s"] >= begun_s]
     assert lines[-1]["mode"] in HELD, "something moved by itself"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import time
 from pathlib import Path
 
@@ -24,6 +25,9 @@ SMALL = (
     "simulation.truth.launch_bearing_from_rotor_deg=20",
     "simulation.truth.launch_distance_m=30",
 )
+
+#: More than two lines of a trace.
+TAIL_BYTES = 4096
 
 
 class Rig:
@@ -130,9 +134,16 @@ class Rig:
         lines = self.trace_file.read_text().splitlines()
         return [json.loads(line) for line in lines[:-1]]
 
+    def newest(self):
+        """Return the newest line of the trace, without reading all the others."""
+        with self.trace_file.open("rb") as file:
+            file.seek(0, os.SEEK_END)
+            file.seek(max(0, file.tell() - TAIL_BYTES))
+            return json.loads(file.read().splitlines()[-2])
+
     def now_s(self):
         """Return mission time as the world has it."""
-        return self.trace()[-1]["mission_s"]
+        return self.newest()["mission_s"]
 
     def names(self):
         """Return the names of what was noticed so far."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 
@@ -14,6 +15,8 @@ from tests.faults.fault import Seen
 from tests.faults.rehearsal import distance_m, flight_in
 
 LOSS_S = 0.5
+#: For so long after a stall we still see what we knew before it.
+BACKLOG_S = 0.12
 
 
 class StallingFlight(VirtualFlight):
@@ -22,7 +25,8 @@ class StallingFlight(VirtualFlight):
     def ready(self):
         """Begin; ``times`` will hold when setpoints arrived."""
         self.dead_man, self.times = DeadMan(), []
-        self.received = None
+        self.received = self.known = None
+        self.woke_s = -math.inf
         self.failsafe, self.intended = False, FlightMode.OFFBOARD
         self.hook = StallingFlight._look
         return self
@@ -32,6 +36,9 @@ class StallingFlight(VirtualFlight):
         engaged = flight.machine.engaged
         silent = flight.dead_man.look(flight.now_s, engaged=engaged)
         vehicle = dataclasses.replace(observation.vehicle, intended=flight.intended)
+        if flight.now_s - flight.woke_s < BACKLOG_S:
+            vehicle = flight.known
+        flight.known = vehicle
         return dataclasses.replace(observation, silent=silent, vehicle=vehicle)
 
     def _obey(self, command):
@@ -65,6 +72,7 @@ class StallingFlight(VirtualFlight):
             else:
                 self.velocity = self.velocity * (1 - TICK_S / 0.4)
                 self.position = self.position + TICK_S * self.velocity
+        self.woke_s = self.now_s
 
 
 def blocked(seconds=5.0, *, pilot_holds=False):
