@@ -65,7 +65,7 @@ def closing(rig, within_s=240.0):
     """Wait until the vehicle closes on the turbine at a steady 1.4 m/s or more, in offboard."""
 
     def closes():
-        lines = rig.trace()
+        lines = rig.recent()
         newest = lines[-1]
         ours = newest["mode"] == "OFFBOARD" and newest["intention"] == "OFFBOARD"
         last = [closing_mps(line) for line in lines if line["mission_s"] > newest["mission_s"] - 1]
@@ -377,8 +377,8 @@ ROWS: tuple[Fault, ...] = (
           lambda: one_blinded_flight()["sensing"], "scan_late sensing_dead", 0.6 + SAMPLED_S,
           "flying", slow=True),
     Fault(15, "the sensing process hangs for 5 s while it flies",
-          lambda: one_blinded_flight()["hang"], "scan_late scan_too_slow", 0.6 + SAMPLED_S, "flying",
-          slow=True, lacking=_LIMITS_15),
+          lambda: one_blinded_flight()["hang"], "scan_late scan_too_slow", 0.6 + SAMPLED_S,
+          "flying", slow=True, lacking=_LIMITS_15),
     Fault(17, "the link loses a quarter", a_link_that_loses_a_quarter, "", None, "completed",
           slow=True),
     Fault(17, "the link is half a second late for 20 s", a_link_that_is_late, "", None,

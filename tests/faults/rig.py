@@ -26,8 +26,8 @@ SMALL = (
     "simulation.truth.launch_distance_m=30",
 )
 
-#: More than two lines of a trace.
-TAIL_BYTES = 4096
+#: More than a second of a trace.
+TAIL_BYTES = 32_000
 
 
 class Rig:
@@ -134,12 +134,17 @@ class Rig:
         lines = self.trace_file.read_text().splitlines()
         return [json.loads(line) for line in lines[:-1]]
 
-    def newest(self):
-        """Return the newest line of the trace, without reading all the others."""
+    def recent(self):
+        """Return the last second or more of the trace, without reading all before it."""
         with self.trace_file.open("rb") as file:
             file.seek(0, os.SEEK_END)
             file.seek(max(0, file.tell() - TAIL_BYTES))
-            return json.loads(file.read().splitlines()[-2])
+            whole = file.read().splitlines()[1:-1]
+        return [json.loads(line) for line in whole]
+
+    def newest(self):
+        """Return the newest line of the trace."""
+        return self.recent()[-1]
 
     def now_s(self):
         """Return mission time as the world has it."""
