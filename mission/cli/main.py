@@ -6,6 +6,7 @@ request answer at once.
 
 from __future__ import annotations
 
+import errno
 import signal
 import sys
 from pathlib import Path
@@ -83,6 +84,9 @@ def _options(
 #: What the command-line library says by itself: a question that nobody answered, Ctrl-C.
 _OURS = {1: Exit.CONFIGURATION, 130: Exit.UNFINISHED}
 
+#: What a disk says, and is no defect of ours: full, over its quota, read-only, broken.
+_OF_THE_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO)
+
 
 def run() -> None:
     """Entry point: no traceback reaches a user."""
@@ -94,6 +98,10 @@ def run() -> None:
         code = ended.code
         sys.exit(_OURS.get(code, code) if isinstance(code, int) else code)
     except Exception as error:  # noqa: BLE001 - the last line of defence; logged in full below
+        if isinstance(error, OSError) and error.errno in _OF_THE_DISK:
+            where = f"{error.filename}: " if error.filename else ""
+            typer.echo(f"error: {where}{error.strerror}", err=True)
+            sys.exit(int(Exit.FAILED))
         typer.echo(f"error: {type(error).__name__}: {error}", err=True)
         typer.echo(f"This is a defect of bladescout; {_kept(error)}.", err=True)
         sys.exit(int(Exit.FAILED))

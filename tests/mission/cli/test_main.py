@@ -1,5 +1,7 @@
 """The last line of defence: a defect is told in two lines, its traceback kept in a file."""
 
+import errno
+import os
 import tempfile
 
 import pytest
@@ -37,3 +39,15 @@ def test_where_nothing_can_be_written_here_it_is_kept_with_the_temporary_files(t
     kept = tmp_path / "temporary" / "bladescout-error.log"
     assert str(kept) in capsys.readouterr().err
     assert "the sky is green" in kept.read_text()
+
+
+def test_a_full_disk_is_no_defect_of_ours(monkeypatch, tmp_path, capsys):
+    def full():
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "missions/x")
+
+    monkeypatch.setattr(main, "app", full)
+    with pytest.raises(SystemExit) as ended:
+        main.run()
+    assert ended.value.code == 6
+    assert capsys.readouterr().err == "error: missions/x: No space left on device\n"
+    assert list((tmp_path / "here").iterdir()) == []
