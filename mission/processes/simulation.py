@@ -114,6 +114,7 @@ class Field:
 
     def __init__(self, settings: Settings, run_dir: Path) -> None:
         self._run_dir = run_dir
+        self._up = False
         (run_dir / SETTINGS_FILE).write_text(settings.model_dump_json())
         with (run_dir / "field.log").open("wb") as log_file:
             self._process = subprocess.Popen(
@@ -127,6 +128,7 @@ class Field:
     def wait_ready(self) -> Site:
         """Return the turbine as the mission is told of it, once the field is up."""
         self._expect("ready")
+        self._up = True
         told = json.loads((self._run_dir / "told.json").read_text())
         return Site.model_validate(told["site"])
 
@@ -161,6 +163,9 @@ class Field:
         """End the field process, whatever state it is in."""
         if self._process.stdin is not None:
             self._process.stdin.close()
+        if not self._up:
+            # It still draws its world, and would not hear for seconds that we are gone.
+            self._process.terminate()
         try:
             self._process.wait(timeout=10)
         except subprocess.TimeoutExpired:
