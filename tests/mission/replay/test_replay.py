@@ -220,7 +220,7 @@ def test_what_is_no_recording_is_refused(tmp_path):
     with pytest.raises(NotARecording, match=r"holds no recording\.mcap"):
         RecordedMission(tmp_path)
     (tmp_path / "recording.mcap").write_bytes(b"nothing of the kind")
-    with pytest.raises(NotARecording, match="no mission was started"):
+    with pytest.raises(NotARecording, match="no MCAP file"):
         _ = RecordedMission(tmp_path).mission
 
 
