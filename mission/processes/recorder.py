@@ -14,33 +14,29 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
-from config.errors import ConfigError
-from config.presets import load_turbine
 from config.settings import Settings
 from config.sources import to_toml
 from drivers.autopilot_tap import TAP_FILE, TapListener
 from drivers.bus import Bus, Key, Sample
 from mission.flight.observation import RequestKind
 from mission.processes.flight_journal import FlightJournal
+from mission.processes.photo_keeper import Hands, PhotoKeeper, photo_site
 from mission.processes.runtime import Runtime, run_process
 from mission.records.course import CourseKeeper
 from mission.records.earlier_photos import earlier_of
 from mission.records.files import CONFIG, EVENTS, LINK, new_recording, write_whole
 from mission.records.link_log import LinkLog
-from mission.records.pending import note_pending, read_pending, strike_out
-from mission.records.photo_moment import PhotoHistory, PhotoMoment
-from mission.records.photo_record import PhotoRecord, stored_records
-from mission.records.photos import NotAJpeg, PhotoLost, PhotoSite, fetch, store
+from mission.records.pending import read_pending
+from mission.records.photo_moment import PhotoHistory
 from mission.records.recording import Recording
 from mission.records.room import Room, RoomWatch
-from mission.records.second_shot import asks_again, rewrite, superseded
+from mission.records.second_shot import rewrite, superseded
 from mission.records.summary import close_folder
 from mission.remote.asked_site import asked_settings
 from mission.remote.messages import (
     EarlierMessage,
     FlightReport,
     Intent,
-    PhotoResultMessage,
     PhotoTakenMessage,
     ReadyMessage,
     RecordedMessage,
@@ -50,7 +46,6 @@ log = logging.getLogger(__name__)
 
 #: Requests and replies are not part of a flight's record.
 _NOT_RECORDED = ("rpc/", "alive")
-PHOTO_PATIENCE_S = 30.0
 READY_S = 1.0
 
 
@@ -64,19 +59,11 @@ class _Open:
     link: LinkLog
     space: RoomWatch
     journal: FlightJournal
-    site: PhotoSite
+    photos: PhotoKeeper
     history: PhotoHistory
     settings: Settings
     """With what was asked for."""
     course: CourseKeeper = field(default_factory=CourseKeeper)
-    records: list[PhotoRecord] = field(default_factory=list)
-    lost: dict[int, str] = field(default_factory=dict)
-    missing: dict[int, PhotoTakenMessage] = field(default_factory=dict)
-    """Photos that the camera did not give out when asked: asked for once more at the end."""
-    seen_before: dict[str, int] = field(default_factory=dict)
-    photo_tasks: set[asyncio.Task[None]] = field(default_factory=set)
-    again: int = 0
-    """Photos that are kept and were asked for once more."""
     unread: set[str] = field(default_factory=set)
     """Keys of messages that could not be read: told once each."""
     event_lines_lost: int = 0
@@ -174,10 +161,7 @@ class Recorder:
         if sample.key == Key.EVENT:
             self._submit(lambda: _append(mission, sample.payload))
         elif sample.key == Key.PHOTO:
-            taken = PhotoTakenMessage.model_validate_json(sample.payload)
-            task = asyncio.create_task(self._take_photo(mission, taken))
-            mission.photo_tasks.add(task)
-            task.add_done_callback(mission.photo_tasks.discard)
+            mission.photos.take(PhotoTakenMessage.model_validate_json(sample.payload))
         elif sample.key == Key.JOURNAL:
             self._submit(partial(mission.journal.so_far, _report(sample.payload)))
         elif sample.key == Key.REPORT:
@@ -198,7 +182,9 @@ class Recorder:
         asked = settings.inspection.model_copy(
             update={"blades": intent.blades, "sides": intent.sides}
         )
-        site = _site(settings, intent.site)
+        site = photo_site(settings, intent.site)
+        history = PhotoHistory(self._settings.positioning)
+        hands = Hands(self._bus, self._settings, self._submit, self._fetchers)
         file = new_recording(folder)
         recording = Recording(file, settings, site.turbine)
         self._open = _Open(
@@ -208,10 +194,9 @@ class Recorder:
             LinkLog(new_recording(folder, LINK)),
             RoomWatch(folder),
             FlightJournal(folder, intent, file),
-            site,
-            PhotoHistory(self._settings.positioning),
+            PhotoKeeper(hands, folder, site, history),
+            history,
             settings.model_copy(update={"inspection": asked}),
-            records=stored_records(folder),
         )
         self._tap.want(True)
         text = to_toml(settings)
@@ -222,96 +207,22 @@ class Recorder:
     async def _look_back(self, mission: _Open) -> None:
         """Fetch what a recorder before could not; tell a later flight what there is."""
         loop = asyncio.get_running_loop()
-        stored = {record.photo_id for record in mission.records}
         waiting = await loop.run_in_executor(self._writer, read_pending, mission.folder)
-        for taken, moment in waiting:
-            if taken.command.photo_id in stored:
-                self._submit(partial(strike_out, mission.folder, taken))
-            else:
-                await self._store_photo(mission, taken, moment)
+        await mission.photos.take_waiting(waiting)
         if mission.intent.flight == 1:
             return
         numbers = [taken.command.photo_id for taken, _ in waiting]
         # In its turn after what was begun there: the journal has read the earlier flights.
         earlier = await loop.run_in_executor(
-            self._writer, earlier_of, mission.journal.before, tuple(mission.records), numbers
+            self._writer, earlier_of, mission.journal.before, tuple(mission.photos.records), numbers
         )
         message = EarlierMessage(
             mission_dir=str(mission.folder), flight=mission.intent.flight, earlier=earlier
         )
         self._bus.publish(Key.EARLIER, message.model_dump_json().encode())
 
-    async def _take_photo(self, mission: _Open, taken: PhotoTakenMessage) -> None:
-        moment = _moment(mission.history, taken)
-        self._submit(partial(note_pending, mission.folder, taken, moment))
-        await self._store_photo(mission, taken, moment)
-
-    async def _store_photo(
-        self, mission: _Open, taken: PhotoTakenMessage, moment: PhotoMoment | None
-    ) -> None:
-        loop = asyncio.get_running_loop()
-        photo_id = taken.command.photo_id
-        try:
-            jpeg = await loop.run_in_executor(self._fetchers, fetch, taken.url)
-            photo = await loop.run_in_executor(
-                self._fetchers,
-                store,
-                jpeg,
-                taken,
-                mission.site,
-                self._settings,
-                mission.folder,
-                moment,
-                mission.seen_before,
-            )
-        except (PhotoLost, NotAJpeg, OSError) as error:
-            log.error("photo %d lost: %s", photo_id, error)
-            mission.lost[photo_id] = f"photo {photo_id}: {error}"
-            if isinstance(error, PhotoLost):
-                mission.missing[photo_id] = taken
-            self._tell(photo_id, kept=False, reason=str(error))
-            return
-        self._submit(partial(strike_out, mission.folder, taken))
-        mission.lost.pop(photo_id, None)
-        mission.history.take_sightings(taken.stamp_s, photo.sightings)
-        record = photo.record
-        mission.records.append(record)
-        repeated = taken.command.repeated
-        again = asks_again(record, mission.again, len(mission.records), repeated=repeated)
-        mission.again += bool(again)
-        self._tell(
-            photo_id, kept=record.kept and not again, reason=record.reason or again,
-            stamp_s=taken.stamp_s, mean_grey=record.mean_grey,
-        )  # fmt: skip
-
-    async def _find_missing(self, mission: _Open) -> None:
-        """Ask once more for photos that exist at the camera but could not be fetched."""
-        missing = list(mission.missing.values())
-        mission.missing.clear()
-        await asyncio.gather(*(self._take_photo(mission, taken) for taken in missing))
-
-    def _tell(
-        self,
-        photo_id: int,
-        *,
-        kept: bool,
-        reason: str,
-        stamp_s: float | None = None,
-        mean_grey: float | None = None,
-    ) -> None:
-        result = PhotoResultMessage(
-            photo_id=photo_id, kept=kept, reason=reason, stamp_s=stamp_s, mean_grey=mean_grey
-        )
-        self._bus.publish(Key.PHOTO_RESULT, result.model_dump_json().encode())
-
     async def _end(self, mission: _Open, report: FlightReport) -> None:
-        if mission.photo_tasks:
-            await asyncio.wait(mission.photo_tasks, timeout=PHOTO_PATIENCE_S)
-        try:
-            async with asyncio.timeout(PHOTO_PATIENCE_S):
-                await self._find_missing(mission)
-        except TimeoutError:
-            log.error("%d photos stay lost", len(mission.lost))
+        await mission.photos.all_in()
         if self._open is mission:  # and not the next one, begun while photos came in
             self._open = None
             self._tap.want(False)
@@ -323,8 +234,8 @@ class Recorder:
             report, course, flights = await loop.run_in_executor(
                 self._writer, mission.journal.end, report, mission.course.course()
             )
-            records = superseded(mission.records)
-            changed = [one for one in records if one not in mission.records]
+            records = superseded(mission.photos.records)
+            changed = [one for one in records if one not in mission.photos.records]
             await loop.run_in_executor(self._writer, rewrite, mission.folder, changed)
             await loop.run_in_executor(
                 self._writer,
@@ -332,7 +243,7 @@ class Recorder:
                 mission.folder,
                 report,
                 records,
-                tuple(mission.lost.values()),
+                tuple(mission.photos.lost.values()),
                 mission.settings,
                 course,
                 mission.not_recorded(),
@@ -347,28 +258,6 @@ class Recorder:
 
 def _report(payload: bytes) -> FlightReport:
     return FlightReport.model_validate_json(payload)
-
-
-def _moment(history: PhotoHistory, taken: PhotoTakenMessage) -> PhotoMoment | None:
-    """Return what was known when a photo was taken; None leaves it to the photo's own message."""
-    try:
-        return history.moment(taken)
-    except (ValueError, ArithmeticError, IndexError):
-        log.exception("what was known at photo %d cannot be told", taken.command.photo_id)
-        return None
-
-
-def _site(settings: Settings, name: str) -> PhotoSite:
-    """Return what is known of a site; a turbine that is not known leaves only its name."""
-    for site in settings.sites:
-        if site.name == name:
-            try:
-                turbine = load_turbine(site.turbine, site.scale)
-            except ConfigError as error:
-                log.error("%s", error)
-                turbine = None
-            return PhotoSite(name, turbine, tuple(site.blade_serials.items()))
-    return PhotoSite(name)
 
 
 def _append(mission: _Open, line: bytes) -> None:
