@@ -8,7 +8,6 @@ from mission.flight.command import Action, MissionState, Phase
 from mission.flight.observation import FlightMode
 from tests.mission.flight.test_missions import mission
 
-
 UNFLOWN = (Phase.IDLE, Phase.PREFLIGHT)
 
 
