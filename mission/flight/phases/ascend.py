@@ -23,6 +23,7 @@ from mission.flight.command import MissionState, Phase, SensingMode
 from mission.flight.flight import Flight, Intent
 from mission.flight.phases.approach import Approach
 from mission.flight.phases.leave import leave
+from perception.values import Float
 
 SURVEY_HEIGHT_M = 15.0
 SURVEY_DISTANCE_M = 35.0
@@ -97,12 +98,17 @@ class Ascend:
         climb = min(flight.settings.ascent.climb_speed_mps, speed)
         home_z = 0.0 if flight.home_w is None else flight.home_w[2]
         if self._stage == "survey":
-            height = max(home_z + SURVEY_HEIGHT_M, float(here[2]))
+            height = max(home_z + SURVEY_HEIGHT_M, min(float(here[2]), float(hub[2])))
             below = float(hub[2]) - height
             distance = distance_at_height(radius, below, SURVEY_DISTANCE_M)
             turned = bearing + (0.0, 0.6, -0.6)[min(self._looked, 2)]
-            above = np.array([here[0], here[1], height])
-            flight.go(np.stack([above, at_bearing(hub, turned, distance, height)]), speed)
+            first = np.array([here[0], here[1], height])[None]
+            if here[2] > height:
+                # Taken over above the hub, whence no tower is seen: out, and down beside the sphere.
+                first = _down(hub, bearing, max(radius, math.dist(here[:2], hub[:2])), here, height)
+            flight.go(
+                np.concatenate([first, at_bearing(hub, turned, distance, height)[None]]), speed
+            )
         elif self._stage == "climb":
             # Beyond the sphere's equator the LiDAR sees too little: come in while climbing.
             distance = math.hypot(here[0] - hub[0], here[1] - hub[1])
@@ -143,3 +149,9 @@ class Ascend:
     def _next(self, stage: str, hold: Intent) -> Intent:
         self._stage, self._moving = stage, False
         return hold
+
+
+def _down(hub: Float, bearing: float, out_m: float, here: Float, height_m: float) -> Float:
+    """Return points (2, 3): at this horizontal distance from the hub, as high as now, and below."""
+    heights = (float(here[2]), height_m)
+    return np.stack([at_bearing(hub, bearing, out_m, height) for height in heights])

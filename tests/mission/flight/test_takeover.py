@@ -8,6 +8,7 @@ import pytest
 from mission.flight.command import MissionState, Phase
 from mission.flight.earlier import Standing
 from mission.flight.observation import FlightMode
+from mission.flight.phases.ascend import Ascend
 from tests.mission.flight.test_resumption import left_behind, mission
 
 LATITUDE, LONGITUDE, DEG_M = 54.0, 6.0, 111_320.0
@@ -113,6 +114,20 @@ def test_lost_in_the_ascent_it_goes_on_from_there():
     after = second.run()
     assert second.machine.state is MissionState.COMPLETED
     assert after.min_clearance_m >= 8.0
+
+
+def test_taken_over_above_the_rotor_it_comes_down_beside_the_sphere_to_see_the_tower():
+    first = flown_to(2)
+    second = hovering(first)
+    hub, radius = first._model.hub_w, first.turbine.rotor_radius_m
+    second.position = hub + np.array([4.0, -3.0, radius + 16.0])
+    second.run(until=Phase.ASCEND)
+    flight = second.machine._flight
+    Ascend().step(flight)
+    path = flight.follower.path
+    places = np.stack([path.point(s)[0] for s in np.linspace(0.0, path.length_m, 60)])
+    assert places[-1][2] <= flight.hub_w[2] + 0.1
+    assert np.linalg.norm(places - flight.hub_w, axis=1).min() > flight.sphere_radius_m - 0.5
 
 
 def test_without_the_word_for_it_nothing_in_the_air_is_taken_over():
