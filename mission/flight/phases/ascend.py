@@ -104,11 +104,11 @@ class Ascend:
             turned = bearing + (0.0, 0.6, -0.6)[min(self._looked, 2)]
             first = np.array([here[0], here[1], height])[None]
             if here[2] > height:
-                # Taken over above the hub, whence no tower is seen: out, and down beside the sphere.
-                first = _down(hub, bearing, max(radius, math.dist(here[:2], hub[:2])), here, height)
-            flight.go(
-                np.concatenate([first, at_bearing(hub, turned, distance, height)[None]]), speed
-            )
+                # Taken over above the hub, whence no tower is seen: out, and down by the sphere.
+                out = max(radius, math.dist(here[:2], hub[:2]))
+                first = _down(hub, bearing, out, here, height)
+            then = at_bearing(hub, turned, distance, height)
+            flight.go(np.concatenate([first, then[None]]), speed)
         elif self._stage == "climb":
             # Beyond the sphere's equator the LiDAR sees too little: come in while climbing.
             distance = math.hypot(here[0] - hub[0], here[1] - hub[1])
