@@ -190,14 +190,23 @@ def photos_of(folder):
         for b in kept[:n]
         if flight_of(a, begun_s) != flight_of(b, begun_s) and same(a, b)
     ]
+    # What showed too little of the skin, or of it in a wrong light, is flown again on purpose.
+    again = gaps_of(folder)
     return {
         "kept": len(kept),
         "coverage": round(mission["coverage"], 3),
         "lost": len(mission["lost"]) + len(missing) + len(lone),
-        "twice": len(twice) + len(numbers) - len(set(numbers)),
+        "again": again,
+        "twice": max(0, len(twice) - again) + len(numbers) - len(set(numbers)),
         "which": twice,
         "pending": len(list(folder.glob("pending/*"))),
     }
+
+
+def gaps_of(folder):
+    """Return how many photos the flights told that they take again, as gaps."""
+    events = map(json.loads, (folder / "events.jsonl").read_text().splitlines())
+    return sum(int(event["text"].split()[0]) for event in events if event["name"] == "gaps")
 
 
 def flight_of(record, begun_s):

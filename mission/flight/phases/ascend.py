@@ -105,10 +105,10 @@ class Ascend:
             first = np.array([here[0], here[1], height])[None]
             if here[2] > height:
                 # Taken over above the hub, whence no tower is seen: out, and down by the sphere.
-                out = max(radius, math.dist(here[:2], hub[:2]))
-                first = _down(hub, bearing, out, here, height)
-            then = at_bearing(hub, turned, distance, height)
-            flight.go(np.concatenate([first, then[None]]), speed)
+                out_m = max(radius, math.dist(here[:2], hub[:2]))
+                first = _down(hub, bearing, out_m, here, height)
+            last_w = at_bearing(hub, turned, distance, height)
+            flight.go(np.concatenate([first, last_w[None]]), speed)
         elif self._stage == "climb":
             # Beyond the sphere's equator the LiDAR sees too little: come in while climbing.
             distance = math.hypot(here[0] - hub[0], here[1] - hub[1])
