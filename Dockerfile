@@ -22,11 +22,13 @@ RUN pip install --no-deps --no-build-isolation . \
        import-linter grimp scipy-stubs types-protobuf types-psutil setuptools pip
 
 FROM python:3.11-slim
-# What Open3D links; its libusb comes with a wheel. Debian keeps no old versions to pin.
+# What Open3D links; its libusb comes with a wheel. Nothing here draws by OpenGL: Mesa's drivers and
+# the compiler that they bring (160 MB) are left out. Debian keeps no old versions to pin.
 # hadolint ignore=DL3008
 RUN apt-get update \
     && apt-get install --yes --no-install-recommends libegl1 libgl1 libgomp1 libx11-6 \
-    && rm -rf /var/lib/apt/lists/* \
+    && rm -rf /var/lib/apt/lists/* /usr/lib/*-linux-gnu/dri \
+       /usr/lib/*-linux-gnu/libLLVM* /usr/lib/*-linux-gnu/libz3.so* \
     && useradd --system --uid 10001 --user-group --create-home \
        --home-dir /var/lib/bladescout bladescout \
     && mkdir /var/lib/bladescout/missions /var/lib/bladescout/field \

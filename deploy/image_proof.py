@@ -17,6 +17,7 @@ import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -161,11 +162,12 @@ def prove(stage: Stage) -> None:
         daemon.wait(30)
 
 
-def size_mb(path: Path) -> float:
-    """Return what a folder takes, MB."""
+def size_mb(path: Path, without: Collection[Path] = ()) -> float:
+    """Return what a folder takes, MB; ``without``: folders below it that are not its own."""
     device, total = path.stat().st_dev, 0
     for folder, names, files in os.walk(path):
-        names[:] = [name for name in names if Path(folder, name).lstat().st_dev == device]
+        below = [(name, Path(folder, name)) for name in names]
+        names[:] = [n for n, at in below if at.lstat().st_dev == device and at not in without]
         total += sum(Path(folder, name).lstat().st_size for name in files)
     return total * 1e-6
 
@@ -187,8 +189,13 @@ def main() -> None:
     folder.mkdir(parents=True, exist_ok=True)
     last = carry_out(folder, shared)
     prove(last)
-    own = size_mb(last.root) - size_mb(folder / "base")
-    say(f"{own:.0f} MB beyond the base image, {size_mb(last.root / 'opt'):.0f} of them packages")
+    # What is shared lies elsewhere, and an image of Debian keeps no packages that were unpacked.
+    without = [last.root / str(path).lstrip("/") for path in shared]
+    for root in (last.root, folder / "base"):
+        without += [root / "var/cache/apt", root / "var/lib/apt/lists"]
+    own = size_mb(last.root, without) - size_mb(folder / "base", without)
+    packages = size_mb(last.root / "opt", without)
+    say(f"{own:.0f} MB beyond the base image, {packages:.0f} of them Python's packages")
 
 
 if __name__ == "__main__":
