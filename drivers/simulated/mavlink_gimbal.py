@@ -29,6 +29,7 @@ _WRONG_RAD = math.radians(10.0)
 _DELAY_S = 0.5
 _YAW_LOCK, _VEHICLE_FRAME, _EARTH_FRAME = 16, 32, 64
 _STATUS_HZ = 30.0
+_ATTITUDE_STATUS = 285
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,8 +74,10 @@ class MockGimbal:
         self._owner = (0, 0)
         self._word = "ok"
         self._next_s = {"heartbeat": 0.0, "attitude": 0.0, "status": 0.1}
+        self._attitude_hz = _STATUS_HZ
         self._last_axis: tuple[float, float] | None = None
         self._commands: dict[int, Callable[[Command], Result]] = {
+            511: self._set_interval,
             512: lambda c: self._request(c.whole(0)),
             1000: self._pitch_yaw,
             1001: self._configure,
@@ -107,6 +110,8 @@ class MockGimbal:
         if action is None:
             return False
         if command.number == 512 and command.whole(0) not in (280, 281, 283, 285):
+            return False
+        if command.number == 511 and command.whole(0) != _ATTITUDE_STATUS:
             return False
         self._acknowledge(command, action(command))
         return True
@@ -207,9 +212,18 @@ class MockGimbal:
             self._next_s["status"] = now_s + 1.0
             self._send(self._manager_status(), self.manager)
         if now_s >= self._next_s["attitude"] - 1e-6:
-            next_s = self._next_s["attitude"] + 1 / _STATUS_HZ
+            next_s = self._next_s["attitude"] + 1 / self._attitude_hz
             self._next_s["attitude"] = max(next_s, now_s - 0.02)
             self._send(self._attitude_status(), self.device)
+
+    def _set_interval(self, command: Command) -> Result:
+        """Honour SET_MESSAGE_INTERVAL of the attitude: 0 takes the default."""
+        interval_us = command.params[1]
+        if not math.isfinite(interval_us) or interval_us < 0:
+            return Result.DENIED
+        self._attitude_hz = min(1e6 / interval_us, _STATUS_HZ) if interval_us else _STATUS_HZ
+        self._next_s["attitude"] = -math.inf
+        return Result.ACCEPTED
 
     def _request(self, number: int) -> Result:
         builders = {

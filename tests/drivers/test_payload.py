@@ -51,6 +51,36 @@ async def test_the_gimbal_turns_to_absolute_angles(fly_vehicle: Start, shared_li
         assert vehicle.clock.now_s() - gimbal.stamp_s < 0.5
 
 
+async def test_at_rest_the_gimbal_tells_seldom_where_it_looks_and_then_often_again(
+    fly_vehicle: Start,
+) -> None:
+    vehicle, photos = await fly_vehicle(), Photos()
+    async with (
+        AutopilotLink(vehicle.settings.autopilot, vehicle.clock) as link,
+        Payload(link, vehicle.settings, vehicle.clock, photos.take, photos.fail) as payload,
+    ):
+        await until(lambda: (g := payload.gimbal()) is not None and g.in_control)
+
+        async def stamps(mission_s: float) -> int:
+            seen = set()
+            end_s = vehicle.clock.now_s() + mission_s
+            while vehicle.clock.now_s() < end_s:
+                gimbal = payload.gimbal()
+                assert gimbal is not None
+                seen.add(gimbal.stamp_s)
+                await asyncio.sleep(0.005)
+            return len(seen)
+
+        payload.rest(True)
+        async with asyncio.timeout(20.0):
+            while await stamps(2.0) > 6:
+                pass
+        payload.rest(False)
+        async with asyncio.timeout(20.0):
+            while await stamps(2.0) < 30:
+                pass
+
+
 async def test_photos_are_taken_one_after_the_other_and_two_may_wait(fly_vehicle: Start) -> None:
     vehicle, photos = await fly_vehicle(), Photos()
     async with (
