@@ -90,9 +90,7 @@ def _of_strata(table: Table) -> list[Goal]:
     Too few scenes say nothing of a stratum's worst.
     """
     nominal = in_strata(table.trials.get(angle.OURS, []))
-    gathered = [
-        nominal.get(low, []) + table.trials.get(stratum_row(low), []) for low in STRATA_DEG
-    ]
+    gathered = [nominal.get(low, []) + table.trials.get(stratum_row(low), []) for low in STRATA_DEG]
     parts = [row(trials) for trials in gathered if len(trials) >= LEAST_TRIALS]
     limits = (("mean_deg", 0.4), ("p95_deg", 1.0), ("bias_deg", 0.2))
     return (
