@@ -18,6 +18,10 @@ REASONS: dict[str, str] = {
     "if self.nearest_m - reach >= clearance_m: -> Add": _SECOND_LOCK,
     "reach = float(np.linalg.norm(_rest(setpoint) - self._here)) -> Add": _SECOND_LOCK,
     "if not (asked > allowed + 1e-6).any(): -> 9e-07": _TOLERANCE,
+    "over = asked > allowed + 1e-6 -> 9e-07": _TOLERANCE,
+    "if far < STILL_M or not inside: -> LtE": _BOUNDARY,
+    "kept = all(b >= min(a, clearance_m) - 1e-3 for a, b in zip(now, then, strict=True)) -> "
+    "False": "there are always two of each",
     "if height < 2.0 and rest[2] < here[2] - 1e-6: -> 9e-07": _TOLERANCE,
     "return move if self.path_clearance(move) > self.nearest_m + 0.2 else hold -> GtE": _BOUNDARY,
     "return self.path_clearance(setpoint) >= clearance_m -> Gt": _BOUNDARY,
