@@ -38,11 +38,12 @@ test: lint ## lint, then the whole test suite
 
 # Two halves side by side; what flies in real processes has the machine to itself afterwards.
 test-flight:
-	$(BIN)/pytest tests/faults tests/mission $(PYTEST_ARGS)
+	$(BIN)/pytest tests/faults tests/mission --ignore=tests/mission/cli $(PYTEST_ARGS)
 
 test-parts:
-	$(BIN)/pytest tests -p no:cacheprovider --ignore=tests/faults --ignore=tests/mission \
-	  --ignore=tests/system $(PYTEST_ARGS)
+	$(BIN)/pytest tests -p no:cacheprovider --ignore=tests/faults --ignore=tests/mission/flight \
+	  --ignore=tests/mission/processes --ignore=tests/mission/records --ignore=tests/mission/remote \
+	  --ignore=tests/mission/replay --ignore=tests/system $(PYTEST_ARGS)
 
 faults: env ## the long cases of the fault table: real processes, many draws (FAULTS="words of a row; of another" picks)
 	$(BIN)/pytest -m faults tests/faults --figures tests/faults/measured.json --rows "$(FAULTS)"
