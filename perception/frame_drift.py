@@ -19,6 +19,8 @@ import numpy as np
 
 from perception.values import Float
 
+#: While everything fixed was sighted so lately, one blade alone is not learnt from besides.
+SIGHTED_S = 4.0
 #: What is more standard deviations off than this was not of the blade.
 _GATE = 3.0
 #: What an integrated velocity loses in a second, growing with its root: 0.05 m/s for two seconds.
@@ -87,6 +89,16 @@ class FrameDrift:
         variances, axes = np.linalg.eigh(covariance)
         for variance, axis in zip(variances, axes.T, strict=True):
             self._take(stamp_s, axis, float(seen @ axis), math.sqrt(max(variance, 0.0)))
+
+    def sighted(
+        self,
+        stamp_s: float,
+        offset_w: tuple[float, ...],
+        heading_rad: float,
+        upper: tuple[float, ...],
+    ) -> None:
+        """Take a sighting as it is told: ``upper`` is its covariance, as `whole_covariance`."""
+        self.see(stamp_s, np.append(offset_w, heading_rad), whole_covariance(upper))
 
     def _take(self, stamp_s: float, direction: Float, value: float, sigma: float) -> bool:
         """Take a measurement of d and heading along a direction (4,) of both."""

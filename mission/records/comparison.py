@@ -163,18 +163,27 @@ def _pair(
     folder: Path, older_folder: Path, mine: PhotoPart | None, theirs: PhotoPart | None, budget: int
 ) -> Pair:
     """Return both photos of a place, where that can be told as the same stretch of the blade."""
-    given = [(at, one) for at, one in ((folder, mine), (older_folder, theirs)) if one is not None]
-    metre = sum(one.metre for _, one in given) / len(given)
-    records = {one.file: _record(at / one.file) for at, one in given}
-    shown = [m for record in records.values() if record is not None and (m := shown_m(record))]
+    both = [
+        None if one is None else _Source(one, at / one.file, _record(at / one.file))
+        for at, one in ((folder, mine), (older_folder, theirs))
+    ]
+    given = [one for one in both if one is not None]
+    metre = sum(one.photo.metre for one in given) / len(given)
+    shown = [m for one in given if one.record is not None and (m := shown_m(one.record))]
     span = WIDER * min(shown) if shown else None
     newer, older = (
-        None if one is None else _shot(at, folder, one, _Stretch(metre, span), budget)
-        for at, one in ((folder, mine), (older_folder, theirs))
+        None if one is None else _shot(one, folder, _Stretch(metre, span), budget) for one in both
     )
     known = span is not None and any(one is not None and one.turned for one in (newer, older))
     stretch = (metre - span / 2, metre + span / 2) if span is not None and known else None
     return Pair(metre, stretch, newer, older)
+
+
+@dataclass(frozen=True, slots=True)
+class _Source:
+    photo: PhotoPart
+    path: Path
+    record: PhotoRecord | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,19 +199,16 @@ def _record(path: Path) -> PhotoRecord | None:
         return None
 
 
-def _shot(
-    folder: Path, page_folder: Path, photo: PhotoPart, stretch: _Stretch, budget: int
-) -> Shot:
-    path = folder / photo.file
-    link = quote(os.path.relpath(path, page_folder))
-    record = _record(path)
-    if record is not None and stretch.span_m is not None:
-        picture = read_picture(path, max(TURNED_PX))
+def _shot(one: _Source, page_folder: Path, stretch: _Stretch, budget: int) -> Shot:
+    link = quote(os.path.relpath(one.path, page_folder))
+    if one.record is not None and stretch.span_m is not None:
+        picture = read_picture(one.path, max(TURNED_PX))
         seen = (
             None
             if picture is None
-            else turned(picture, record, stretch.metre, stretch.span_m, TURNED_PX)
+            else turned(picture, one.record, stretch.metre, stretch.span_m, TURNED_PX)
         )
         if seen is not None:
-            return Shot(photo, link, picture_data(seen, budget), turned=True)
-    return Shot(photo, link, thumbnail_data(path, PICTURE_PX, budget), turned=False)
+            return Shot(one.photo, link, picture_data(seen, budget), turned=True)
+    data = thumbnail_data(one.path, PICTURE_PX, budget)
+    return Shot(one.photo, link, data, turned=False)

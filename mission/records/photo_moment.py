@@ -18,7 +18,7 @@ from drivers.bus import Key
 from mission.flight.command import SensingMode, SensingTask
 from mission.flight.observation import BladeTrack, GimbalState, RotorEstimate, TurbineSeen, Vehicle
 from mission.remote.messages import PhotoTakenMessage, VehicleMessage
-from perception.frame_drift import FrameDrift, whole_covariance
+from perception.frame_drift import SIGHTED_S, FrameDrift
 from perception.geometry import rotation_from_quaternion, wrap_angle
 from perception.values import Float
 
@@ -37,8 +37,6 @@ _DEPTH_SIGMA_M, _ASIDE_SIGMA_M, _TIP_SIGMA_M = 0.1, 0.4, 0.3
 #: How far the measured hub is off, per axis: against the truth of thirteen flights of the demo
 #: scenario it was 0.5 m along a blade.
 ROTOR_SIGMA_M = 0.4
-#: While the whole turbine was sighted so lately, the blade alone tells nothing besides.
-_SIGHTED_S = 4.0
 #: What photos say is as far off for seconds, by the heading's error: taken this seldom.
 _SIGHT_EVERY_S = 6.0
 #: What a blade bends is not wander: the farther out, the less an offset says.
@@ -235,8 +233,7 @@ class PhotoHistory:
         if seen is None or seen.stamp_s <= self._turbine_s:
             return
         self._turbine_s = seen.stamp_s
-        told = np.append(seen.offset_w, seen.heading_rad)
-        drift.see(seen.stamp_s, told, whole_covariance(seen.covariance))
+        drift.sighted(seen.stamp_s, seen.offset_w, seen.heading_rad, seen.covariance)
 
     def _drift_then(self, stamp_s: float) -> tuple[Float, Float] | None:
         """Return the drift (3,) at a moment, and its covariance (3, 3)."""
@@ -270,7 +267,7 @@ class PhotoHistory:
         bend = _BEND_PER_METRE * max(0.0, float((foot - root) @ axis))
         aside = np.cross(axis, view)
         noise = self._positioning.noise_sigma_m
-        sighted = track.stamp_s - self._turbine_s < _SIGHTED_S
+        sighted = track.stamp_s - self._turbine_s < SIGHTED_S
         for direction, sigma in ((view, _DEPTH_SIGMA_M), (aside, _ASIDE_SIGMA_M)):
             total = math.sqrt(sigma**2 + bend**2 + noise**2)
             if not sighted:

@@ -16,7 +16,7 @@ import numpy as np
 from mission.flight.flight import Flight
 from mission.flight.leg import Leg
 from mission.flight.phases.live_offset import LiveOffset
-from perception.frame_drift import FrameDrift, whole_covariance
+from perception.frame_drift import SIGHTED_S, FrameDrift
 from perception.values import Float
 
 FRESH_S = 0.5
@@ -26,8 +26,6 @@ MOST_M = 6.0
 #: for longer than that.
 LEARN_S = 1.0
 DEPTH_SIGMA_M, ASIDE_SIGMA_M = 0.17, 0.5
-#: While the whole turbine was sighted so lately, the blade alone is not learnt from besides.
-SIGHTED_S = 4.0
 #: What a blade bends beyond the plan is not drift, and stays: the farther out, the less is learnt.
 BEND_PER_METRE = 0.025
 #: How far the measured hub may be off, per axis.
@@ -120,8 +118,7 @@ class Registration:
         if seen is None or seen.stamp_s <= max(self._sighted_s, self._rotor_s):
             return
         self._sighted_s = seen.stamp_s
-        told = np.append(seen.offset_w, seen.heading_rad)
-        known.see(seen.stamp_s, told, whole_covariance(seen.covariance))
+        known.sighted(seen.stamp_s, seen.offset_w, seen.heading_rad, seen.covariance)
 
     def _drift_at_blade(self, flight: Flight, leg: Leg) -> Float:
         """Return the drift (3,) of what lies before the vehicle: a heading's error turns it."""
