@@ -91,13 +91,14 @@ def _tangents(points: Float) -> Float:
 
 
 def _speeds(points: Float, at: Float, caps: Float, airframe: Airframe) -> Float:
-    """Return the speed allowed at each sample: caps, curves, climb limits and braking."""
+    """Return the speed allowed at each sample: caps, curves, the airframe's limits, braking."""
     acceleration = airframe.max_acceleration_mps2
     if at[-1] < 1e-6:
         return np.zeros(len(points))
     tangent = _tangents(points)
     turn = np.linalg.norm(np.gradient(tangent, axis=0), axis=1) / np.maximum(np.gradient(at), 1e-6)
-    allowed = np.minimum(caps, np.sqrt(0.8 * acceleration / np.maximum(turn, 1e-6)))
+    allowed = np.minimum(caps, airframe.max_speed_mps)
+    allowed = np.minimum(allowed, np.sqrt(0.8 * acceleration / np.maximum(turn, 1e-6)))
     rise = tangent[:, 2]
     limit = np.where(rise > 0, airframe.max_climb_mps, airframe.max_descent_mps)
     allowed = np.minimum(allowed, limit / np.maximum(np.abs(rise), 1e-6))

@@ -374,7 +374,7 @@ ROWS: tuple[Fault, ...] = (
           lambda: one_blinded_flight()["tracking"], "scan_late", 0.6 + SAMPLED_S, "flying",
           slow=True),
     Fault(15, "kill -9 of the sensing process while it flies",
-          lambda: one_blinded_flight()["sensing"], "scan_late sensing_dead", 0.6 + SAMPLED_S,
+          lambda: one_blinded_flight()["sensing"], "scan_late sensing_dead sensing_died", 0.6 + SAMPLED_S,
           "flying", slow=True),
     Fault(15, "the sensing process hangs for 5 s while it flies",
           lambda: one_blinded_flight()["hang"], "scan_late scan_too_slow", 0.6 + SAMPLED_S,

@@ -25,6 +25,12 @@ def fly(points, speed, airframe=None, slow=lambda t: 1.0, limit_s=120.0):
     return sent, position, t
 
 
+def test_no_path_is_flown_faster_than_the_airframe_may():
+    slow = Airframe(max_speed_mps=1.5)
+    sent, _, _ = fly([(0, 0, 50), (20, 0, 50)], 2.5, slow)
+    assert max(np.linalg.norm(velocity) for _, velocity, _ in sent) == pytest.approx(1.5, abs=0.02)
+
+
 def test_a_straight_line_is_flown_within_every_bound():
     sent, position, t = fly([(0, 0, 50), (40, 0, 50)], 2.0)
     velocities = np.array([v for _, v, _ in sent])
