@@ -122,8 +122,8 @@ _ON_THE_WAY = "completed ended_safely"
 
 ROWS: tuple[Fault, ...] = (
     Fault(15, "kill -9 of the sensing process, in each phase",
-          lambda: kill_on_the_way("mission.processes.sensing"), "scan_late sensing_dead sensing_died", None,
-          _ON_THE_WAY, slow=True),
+          lambda: kill_on_the_way("mission.processes.sensing"),
+          "scan_late sensing_dead sensing_died", None, _ON_THE_WAY, slow=True),
     Fault(15, "kill -9 of the tracking worker, in each phase",
           lambda: kill_on_the_way("mission.processes.tracking_worker"), "scan_late", None,
           _ON_THE_WAY, slow=True),
