@@ -44,7 +44,8 @@ def come_to(rig, phase):
 def left_alone(rig):
     """Assert that the vehicle comes to rest by the autopilot alone, and stays; return the words."""
     begun_s = rig.now_s()
-    rig.until(lambda: rig.newest()["mode"] in HELD, 30.0)
+    # A take-off that the autopilot was sent on is flown to its end by the autopilot.
+    rig.until(lambda: rig.newest()["mode"] in HELD and _stands(rig.recent()), 40.0, every_s=0.2)
     time.sleep(REST_S)
     lines = [line for line in rig.trace() if line["mission_s"] >= begun_s]
     assert lines[-1]["mode"] in HELD, "something moved by itself"
@@ -53,7 +54,18 @@ def left_alone(rig):
     wandered = float(np.linalg.norm(places - places[0], axis=1).max())
     assert wandered <= WANDER_M, f"wandered by {wandered:.1f} m"
     last_s = max((s["setpoint_s"] for s in lines if s["setpoint_s"] is not None), default=begun_s)
+    late = [line["mode"] for line in lines if line["mission_s"] > last_s + 1.5]
+    assert "OFFBOARD" not in late, "offboard was not left"
     return max(0.0, last_s - begun_s)
+
+
+def _stands(lines):
+    """Return whether, where something flies, it has stood for the last second."""
+    last = lines[-1]
+    latest = [line for line in lines if line["mission_s"] > last["mission_s"] - 1.0]
+    fastest = max(float(np.linalg.norm(line["velocity_w"])) for line in latest)
+    flown = last["position_w"][2] > 3.0 or not last["armed"]
+    return flown and fastest < 0.5
 
 
 def family_of(rig):
