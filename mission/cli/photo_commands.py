@@ -104,7 +104,10 @@ def export(
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Copy a mission's photos, sorted, with an index and camera poses for COLMAP and Metashape."""
+    """Copy a mission's photos, sorted, with an index and camera poses for COLMAP and Metashape.
+
+    Those that were changed since they were stored (SHA-256) are copied too, and named.
+    """
     from mission.records.export import CannotExport, export
 
     try:
@@ -116,6 +119,8 @@ def export(
         return
     typer.echo(f"{done.photos} photos, {done.poses} with camera poses: {done.folder}")
     typer.echo(done.words)
+    if done.doubts:
+        typer.echo(done.doubts)
 
 
 def mount(app: typer.Typer) -> None:

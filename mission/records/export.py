@@ -21,6 +21,7 @@ import numpy as np
 
 from mission.records.files import MANIFEST, PHOTOS, manifest, write_whole
 from mission.records.photo_record import NotARecord, PhotoRecord, View, read_record
+from mission.records.verify import NoManifest, check_manifest
 from perception.geometry import quaternion_from_rotation
 
 NEEDED_OVERLAP = 0.6
@@ -47,6 +48,18 @@ class Exported:
     """Median overlap along the blade of photos that follow each other."""
     words: str
     """Whether that is enough for photogrammetry."""
+    changed: tuple[str, ...] = ()
+    """Photos and records that are not as they were stored, by the mission's SHA-256 sums; they are
+    copied all the same."""
+    checked: bool = True
+    """The mission has such sums."""
+
+    @property
+    def doubts(self) -> str:
+        """In words what of the files cannot be vouched for; empty where all are as stored."""
+        if not self.checked:
+            return f"the mission has no {MANIFEST}: whether its photos were changed is not known"
+        return f"changed since they were stored: {', '.join(self.changed)}" if self.changed else ""
 
     def as_json(self) -> dict[str, object]:
         """Return the answer as plain values."""
@@ -72,8 +85,17 @@ def export(mission: Path, to: Path, *, rejected: bool = False) -> Exported:
         shutil.copyfile(path, target)
         shutil.copyfile(path.with_suffix(".json"), target.with_suffix(".json"))
     overlap = median_overlap([record for record, _, _ in named])
-    words = _words(overlap)
     posed = [(record, record.view, name) for record, _, name in named if record.view is not None]
+    changed = _changed(mission, [name for _, _, name in named])
+    done = Exported(
+        folder=str(to),
+        photos=len(named),
+        poses=len(posed),
+        overlap=overlap,
+        words=_words(overlap),
+        changed=changed or (),
+        checked=changed is not None,
+    )
     files = {
         "index.csv": _index_csv([(record, name) for record, _, name in named]),
         "index.geojson": _geojson([(record, name) for record, _, name in named]),
@@ -81,13 +103,26 @@ def export(mission: Path, to: Path, *, rejected: bool = False) -> Exported:
         "colmap/cameras.txt": _colmap_cameras(posed),
         "colmap/images.txt": _colmap_images(posed),
         "colmap/points3D.txt": "# No points yet: the poses are a beginning.\n",
-        "README.txt": _readme(len(named), len(posed), words),
+        "README.txt": _readme(done),
     }
     for name, text in files.items():
         write_whole(to / name, text.encode())
     paths = [path for path in to.rglob("*") if path.is_file()]
     write_whole(to / MANIFEST, manifest(to, paths).encode())
-    return Exported(str(to), len(named), len(posed), overlap, words)
+    return done
+
+
+def _changed(mission: Path, photos: Sequence[str]) -> tuple[str, ...] | None:
+    """Return which photos and records are not as the manifest says, or unknown to it.
+
+    None: the mission has none.
+    """
+    names = {name for photo in photos for name in (photo, str(Path(photo).with_suffix(".json")))}
+    try:
+        found = check_manifest(mission, names)
+    except NoManifest:
+        return None
+    return tuple(sorted((*found.changed, *found.unlisted)))
 
 
 def _records(mission: Path, *, rejected: bool) -> list[tuple[PhotoRecord, Path]]:
@@ -220,11 +255,13 @@ def _colmap_images(photos: Posed) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _readme(photos: int, poses: int, words: str) -> str:
+def _readme(done: Exported) -> str:
+    words, doubts = done.words, done.doubts
     return (
-        f"{photos} photos, sorted by blade and side; index.csv and index.geojson name them all.\n"
-        f"Camera poses of {poses} of them: colmap/ (local east, north, up, metres; image names\n"
+        f"{done.photos} photos, sorted by blade and side; index.csv and index.geojson name them\n"
+        f"all. Camera poses of {done.poses}: colmap/ (local east, north, up, metres; image names\n"
         "are relative to this folder: give it as COLMAP's image path) and metashape.csv (WGS 84;\n"
         "import as reference, angles yaw, pitch, roll).\n"
         f"{words[0].upper()}{words[1:]}.\n"
+        + (f"{doubts[0].upper()}{doubts[1:]}.\n" if doubts else "")
     )

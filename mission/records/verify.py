@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections.abc import Collection
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -31,9 +32,14 @@ class Checked:
         return asdict(self)
 
 
-def check_manifest(folder: Path) -> Checked:
-    """Compare a mission's files with its manifest. Raises `NoManifest`."""
+def check_manifest(folder: Path, only: Collection[str] | None = None) -> Checked:
+    """Compare a mission's files with its manifest. Raises `NoManifest`.
+
+    ``only``: look at files of these names; None: at all.
+    """
     listed = _listed(folder)
+    if only is not None:
+        listed = {name: digest for name, digest in listed.items() if name in only}
     good, changed, missing = 0, [], []
     for name, digest in listed.items():
         path = folder / name
@@ -45,6 +51,8 @@ def check_manifest(folder: Path) -> Checked:
             changed.append(name)
     photos = (folder / PHOTOS).glob("**/*.jpg")
     there = {path.relative_to(folder).as_posix() for path in photos}
+    if only is not None:
+        there &= set(only)
     return Checked(good, tuple(changed), tuple(missing), tuple(sorted(there - set(listed))))
 
 

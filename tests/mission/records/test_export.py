@@ -12,6 +12,7 @@ from config.settings import Settings
 from mission.cli.main import app
 from mission.flight.command import PhotoCommand
 from mission.records.export import CannotExport, export
+from mission.records.files import MANIFEST, manifest
 from mission.records.photo_moment import BladeThen, PhotoMoment
 from mission.records.photos import PhotoSite, store
 from mission.records.verify import check_manifest
@@ -121,6 +122,27 @@ def test_too_little_overlap_is_said(mission, tmp_path):
     assert "at least 60%" in done.words
     assert "tracking.overlap=0.7" in done.words
     assert done.words[1:] in (tmp_path / "out" / "README.txt").read_text()
+
+
+def test_photos_that_were_changed_since_they_were_stored_are_named(mission, tmp_path):
+    paths = [path for path in mission.rglob("*") if path.is_file()]
+    (mission / MANIFEST).write_text(manifest(mission, paths))
+    assert export(mission, tmp_path / "good").doubts == ""
+    photos = sorted((mission / "photos").glob("**/*.jpg"))
+    photos[1].write_bytes(photos[0].read_bytes())
+    done = export(mission, tmp_path / "out", rejected=True)
+    name = photos[1].relative_to(mission).as_posix()
+    assert done.changed == (name,)
+    assert f"hanged since they were stored: {name}" in (tmp_path / "out/README.txt").read_text()
+    shown = CliRunner().invoke(
+        app, ["export", str(mission), "--to", str(tmp_path / "shown"), "--rejected"]
+    )
+    assert shown.exit_code == 0
+    assert name in shown.stdout
+
+
+def test_a_mission_without_sums_is_exported_with_a_word_of_it(mission, tmp_path):
+    assert "not known" in export(mission, tmp_path / "out").doubts
 
 
 def test_mistakes_are_told(mission, tmp_path):
