@@ -75,8 +75,9 @@ class Leg:
     def metre_of(self, position_w: Float) -> float:
         """Return the metre that a vehicle at a position (3,) looks at."""
         along = float((position_w - self.root_w) @ self.axis_w)
-        lean = float(self.view_w @ self.axis_w)
-        return along - lean * self.distance_at(along) if abs(lean) > 1e-6 else along
+        first, last = self._along_m[0], self._along_m[-1]
+        inside = float(np.interp(along, self._along_m, self.grid_m))
+        return inside + min(0.0, along - first) + max(0.0, along - last)
 
     def line(self) -> Float:
         """Return the polyline (K, 3) from the first to the last photo."""
@@ -91,6 +92,16 @@ class Leg:
     def with_photos(self, photos: tuple[float, ...], again: bool) -> Leg:
         """Return the same line with other photos."""
         return replace(self, photos=photos, again=again)
+
+    @cached_property
+    def _along_m(self) -> Float:
+        """(M,) how far along the axis the vehicle is when it looks at each metre of the grid.
+
+        Where the view leans along the axis and the distance changes, that is not a constant more.
+        """
+        lean = float(self.view_w @ self.axis_w)
+        along = self.grid_m + self.centre_w @ self.axis_w + lean * self.distance_m
+        return np.maximum.accumulate(along)
 
     @cached_property
     def spacing_m(self) -> float:
