@@ -52,7 +52,8 @@ def left_alone(rig):
     after = [line for line in lines if line["mission_s"] > begun_s + SPEED * REST_S / 2]
     places = np.array([line["position_w"] for line in after])
     wandered = float(np.linalg.norm(places - places[0], axis=1).max())
-    assert wandered <= WANDER_M, f"wandered by {wandered:.1f} m"
+    words = f"wandered by {wandered:.1f} m, {after[0]['position_w']} to {after[-1]['position_w']}"
+    assert wandered <= WANDER_M, f"{words}; {sorted({line['mode'] for line in after})}"
     last_s = max((s["setpoint_s"] for s in lines if s["setpoint_s"] is not None), default=begun_s)
     late = [line["mode"] for line in lines if line["mission_s"] > last_s + 1.5]
     assert "OFFBOARD" not in late, "offboard was not left"
