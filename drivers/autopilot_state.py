@@ -13,12 +13,12 @@ from drivers.clock import Clock
 from drivers.frames import (
     Quaternion,
     Vec3,
-    quaternion_of,
     swap_attitude,
     swap_enu_ned,
     yaw_of,
 )
 from drivers.stamps import MinimumOffset
+from perception.geometry import quaternion_from_euler
 
 _NEVER = float("-inf")
 _ARMED = 0x80
@@ -349,7 +349,7 @@ class VehicleState:
         """Take the attitude of a vehicle that tells none by quaternion."""
         angles = (message.number("roll"), message.number("pitch"), message.number("yaw"))
         if not self.has_quaternion and all(map(math.isfinite, angles)):
-            self._keep_attitude(message, quaternion_of(*angles))
+            self._keep_attitude(message, quaternion_from_euler(*angles))
 
     def _keep_attitude(self, message: Received, quaternion: Quaternion) -> None:
         stamp_s, boot_s = self._boot_stamp(message)

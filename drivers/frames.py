@@ -37,19 +37,6 @@ def swap_attitude(quaternion: Quaternion) -> Quaternion:
     return turned
 
 
-def quaternion_of(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Quaternion:
-    """Return the quaternion (w x y z) of yaw, then pitch, then roll, in the same frames."""
-    cr, sr = math.cos(roll_rad / 2), math.sin(roll_rad / 2)
-    cp, sp = math.cos(pitch_rad / 2), math.sin(pitch_rad / 2)
-    cy, sy = math.cos(yaw_rad / 2), math.sin(yaw_rad / 2)
-    return (
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    )
-
-
 def yaw_of(quaternion: Quaternion) -> float:
     """Return the rotation about the third axis (radians) of a body-to-world quaternion."""
     w, x, y, z = quaternion

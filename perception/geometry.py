@@ -64,6 +64,21 @@ def rotation_from_euler(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Fl
     )
 
 
+def quaternion_from_euler(
+    roll_rad: float, pitch_rad: float, yaw_rad: float
+) -> tuple[float, float, float, float]:
+    """Return the unit quaternion (w, x, y, z) of Rz(yaw) Ry(pitch) Rx(roll)."""
+    cr, sr = math.cos(roll_rad / 2), math.sin(roll_rad / 2)
+    cp, sp = math.cos(pitch_rad / 2), math.sin(pitch_rad / 2)
+    cy, sy = math.cos(yaw_rad / 2), math.sin(yaw_rad / 2)
+    return (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )
+
+
 def lidar_in_body(nose_down_deg: float) -> Float:
     """Return the (3, 3) rotation of LiDAR FLU into body FLU for a nose-down mounting."""
     return rotation_from_euler(0.0, math.radians(nose_down_deg), 0.0)

@@ -13,7 +13,7 @@ from config.settings import Settings
 from drivers.simulated.battery import Pack
 from drivers.simulated.guidance import Guidance
 from drivers.simulated.mavlink_streams import Telemetry
-from drivers.simulated.ned import Home, product, quaternion_of_euler, rates_b
+from drivers.simulated.ned import Home, product, rates_b
 from drivers.simulated.position_control import Estimate, PositionController
 from drivers.simulated.position_error import PROFILES, EstimatorError
 from drivers.simulated.px4_modes import Commander, Health, Mode
@@ -21,6 +21,7 @@ from drivers.simulated.px4_parameters import Parameters, parameters_for
 from drivers.simulated.scene import Scene
 from drivers.simulated.vehicle import GRAVITY_MPS2, AttitudeCommand, Multirotor, Quaternion, Vec3
 from drivers.simulated.wind import WindField
+from perception.geometry import quaternion_from_euler
 
 TICK_S = 0.02
 #: A place at sea for the geodetic datum of the synthetic site.
@@ -129,8 +130,8 @@ class Aircraft:
         t, commander, error, pack = self.telemetry, self.commander, self.error, self.pack
         t.now_s = now_s
         t.position_l, t.velocity_l = self._estimate.position_w, self._estimate.velocity_w
-        about_up = quaternion_of_euler(0.0, 0.0, error.yaw)
-        lean = quaternion_of_euler(error.roll, error.pitch, 0.0)
+        about_up = quaternion_from_euler(0.0, 0.0, error.yaw)
+        lean = quaternion_from_euler(error.roll, error.pitch, 0.0)
         t.quaternion_lb = product(product(about_up, self.quaternion_wb), lean)
         t.rates_b = self.rates_b
         blend = TICK_S / _WIND_LAG_S

@@ -20,11 +20,12 @@ from drivers.simulated.link import CameraSetting, FaultChange, StillRequest, Tru
 from drivers.simulated.mavlink_payload import MockPayload
 from drivers.simulated.mavlink_streams import Telemetry
 from drivers.simulated.mavlink_wire import MavlinkLink, Message, Received, finite, made
-from drivers.simulated.ned import Home, enu_quaternion, euler, quaternion_of_euler, swapped, turned
+from drivers.simulated.ned import Home, enu_quaternion, euler, swapped, turned
 from drivers.simulated.scene import Scene
 from drivers.simulated.setpoint_timing import SetpointTiming
 from drivers.simulated.truth_report import WorldFacts
 from drivers.simulated.vehicle import Vec3
+from perception.geometry import quaternion_from_euler
 
 ToRenderer = TruthState | CameraSetting | StillRequest | FaultChange
 
@@ -295,7 +296,7 @@ class FollowedWorld:
     def _euler_attitude(self, message: Message) -> None:
         if "ATTITUDE_QUATERNION" not in self._seen:
             e = [float(getattr(message, name)) for name in ("roll", "pitch", "yaw")]
-            self._turn(quaternion_of_euler(e[0], e[1], e[2]), message)
+            self._turn(quaternion_from_euler(e[0], e[1], e[2]), message)
 
     def _turn(self, ned_q: tuple[float, float, float, float], message: Message) -> None:
         t = self._telemetry

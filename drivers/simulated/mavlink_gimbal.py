@@ -16,9 +16,10 @@ from config.sensors import Gimbal
 from drivers.simulated.mavlink_autopilot import Command, command_of
 from drivers.simulated.mavlink_streams import Telemetry
 from drivers.simulated.mavlink_wire import Message, made
-from drivers.simulated.ned import euler, product, quaternion_of_euler
+from drivers.simulated.ned import euler, product
 from drivers.simulated.px4_modes import Result
 from drivers.simulated.vehicle import Quaternion
+from perception.geometry import quaternion_from_euler
 
 #: Optical axes in FLU, as a quaternion (perception.geometry.FLU_FROM_OPTICAL).
 _OPTICAL: Quaternion = (0.5, -0.5, 0.5, -0.5)
@@ -200,7 +201,7 @@ class MockGimbal:
             rate = math.hypot(across, self.pitch_rad - self._last_axis[1]) / dt_s
         self._last_axis = (body_yaw_rad - self.yaw_rad, self.pitch_rad)
         # FLU: a positive pitch looks down, so up is negative.
-        return GimbalTruth(product(quaternion_of_euler(0.0, -pitch, yaw), _OPTICAL), rate)
+        return GimbalTruth(product(quaternion_from_euler(0.0, -pitch, yaw), _OPTICAL), rate)
 
     # telemetry
 
@@ -290,7 +291,7 @@ class MockGimbal:
         pitch = self.pitch_rad
         if self._word == "garbage":
             pitch, yaw = self._random.uniform(-3.1, 3.1), self._random.uniform(-3.1, 3.1)
-        q = quaternion_of_euler(0.0, pitch, yaw)
+        q = quaternion_from_euler(0.0, pitch, yaw)
         return made(
             "gimbal_device_attitude_status",
             0,

@@ -72,19 +72,6 @@ def euler(quaternion: Quaternion) -> Vec3:
     return roll, pitch, yaw
 
 
-def quaternion_of_euler(roll: float, pitch: float, yaw: float) -> Quaternion:
-    """Return w x y z of Rz(yaw) Ry(pitch) Rx(roll)."""
-    cr, sr = math.cos(roll / 2), math.sin(roll / 2)
-    cp, sp = math.cos(pitch / 2), math.sin(pitch / 2)
-    cy, sy = math.cos(yaw / 2), math.sin(yaw / 2)
-    return (
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    )
-
-
 def rates_b(before: Quaternion, after: Quaternion, dt_s: float) -> Vec3:
     """Return the mean angular rate over a step, in the body's frame, rad/s."""
     w, x, y, z = product(inverse(before), after)

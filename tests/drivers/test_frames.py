@@ -7,13 +7,12 @@ from hypothesis import strategies as st
 
 from drivers.frames import (
     pitch_up_of,
-    quaternion_of,
     swap_attitude,
     swap_enu_ned,
     swap_yaw,
     yaw_of,
 )
-from perception.geometry import rotation_from_quaternion
+from perception.geometry import quaternion_from_euler, rotation_from_quaternion
 
 NED_FROM_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 FRD_FROM_FLU = np.diag([1.0, -1.0, -1.0])
@@ -39,13 +38,13 @@ def test_yaw_east_is_heading_ninety(enu_deg: float, ned_deg: float) -> None:
 def test_an_attitude_is_the_rotation_between_the_swapped_frames(
     roll: float, pitch: float, yaw: float
 ) -> None:
-    ned = quaternion_of(roll, pitch, yaw)
+    ned = quaternion_from_euler(roll, pitch, yaw)
     expected = NED_FROM_ENU.T @ rotation_from_quaternion(ned) @ FRD_FROM_FLU
     np.testing.assert_allclose(rotation_from_quaternion(swap_attitude(ned)), expected, atol=1e-9)
 
 
 @given(st.floats(-1.5, 1.5), angles)
 def test_heading_and_pitch_of_a_gimbal_survive_the_swap(pitch: float, yaw: float) -> None:
-    enu = swap_attitude(quaternion_of(0.0, pitch, yaw))
+    enu = swap_attitude(quaternion_from_euler(0.0, pitch, yaw))
     assert pitch_up_of(enu) == pytest.approx(pitch, abs=1e-6)
     assert math.cos(yaw_of(enu) - swap_yaw(yaw)) == pytest.approx(1.0, abs=1e-6)

@@ -11,8 +11,8 @@ from config.sensors import Gimbal
 from drivers.autopilot_errors import Refused
 from drivers.autopilot_wire import Received
 from drivers.clock import MonotonicClock
-from drivers.frames import quaternion_of
 from drivers.payload_gimbal import GimbalLink
+from perception.geometry import quaternion_from_euler
 
 AUTOPILOT, GIMBAL = 1, 154
 YAW_LOCK, IN_VEHICLE_FRAME, IN_EARTH_FRAME = 16, 32, 64
@@ -51,7 +51,7 @@ def gimbal(wire, vehicle_yaw_rad=0.0):
 
 
 def attitude(wire, component, heading_deg, pitch_deg, flags, **more):
-    q = list(quaternion_of(0.0, math.radians(pitch_deg), math.radians(heading_deg)))
+    q = list(quaternion_from_euler(0.0, math.radians(pitch_deg), math.radians(heading_deg)))
     wire.hear(
         "GIMBAL_DEVICE_ATTITUDE_STATUS", component, q=q, flags=flags, time_boot_ms=1000, **more
     )

@@ -10,12 +10,11 @@ from drivers.simulated.ned import (
     enu_quaternion,
     euler,
     ned_quaternion,
-    quaternion_of_euler,
     rates_b,
     swapped,
     turned,
 )
-from perception.geometry import rotation_from_quaternion
+from perception.geometry import quaternion_from_euler, rotation_from_quaternion
 
 angles = st.floats(-1.4, 1.4)
 NED_FROM_ENU = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])
@@ -24,7 +23,7 @@ FLU_FROM_FRD = np.diag([1.0, -1, -1])
 
 @given(roll=angles, pitch=angles, yaw=st.floats(-3.1, 3.1))
 def test_attitude_turns_between_the_frames_and_back(roll, pitch, yaw):
-    flu = quaternion_of_euler(roll, pitch, yaw)
+    flu = quaternion_from_euler(roll, pitch, yaw)
     frd = ned_quaternion(flu)
     expected = NED_FROM_ENU @ rotation_from_quaternion(flu) @ FLU_FROM_FRD
     np.testing.assert_allclose(rotation_from_quaternion(frd), expected, atol=1e-9)
@@ -40,7 +39,7 @@ def test_looking_east_is_heading_ninety():
 
 
 def test_a_turn_to_the_left_is_a_positive_rate_about_up():
-    rate = rates_b(quaternion_of_euler(0, 0, 0.1), quaternion_of_euler(0, 0, 0.12), 0.02)
+    rate = rates_b(quaternion_from_euler(0, 0, 0.1), quaternion_from_euler(0, 0, 0.12), 0.02)
     np.testing.assert_allclose(rate, (0, 0, 1.0), atol=1e-4)
 
 
