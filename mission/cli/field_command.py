@@ -10,7 +10,8 @@ from typing import Annotated
 import typer
 
 from mission.cli.exits import Exit, end
-from mission.cli.simulate_command import load_scenario
+from mission.cli.simulate_command import as_settings, load_scenario
+from mission.cli.typed import Seed, SetAgain, Speed
 
 
 def field(
@@ -21,21 +22,12 @@ def field(
             help="A packaged scenario (bladescout simulate --list) or a TOML file.",
         ),
     ] = "demo",
-    seed: Annotated[
-        int | None,
-        typer.Option(help="Draws stop angle, pitch, yaw, launch point; else as the scenario says."),
-    ] = None,
-    speed: Annotated[
-        str | None,
-        typer.Option(help="Times real time, 0 to 20; or auto: as fast as this computer can, 1-5."),
-    ] = None,
+    seed: Seed = None,
+    speed: Speed = None,
     out: Annotated[
         Path, typer.Option(help="Folder that its settings and its clock are written to.")
     ] = Path("field"),
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="section.key=value, as in a file; may be given again."),
-    ] = None,
+    set_: SetAgain = None,
 ) -> None:
     """Play autopilot, LiDAR, camera and gimbal of a drone at a turbine until Ctrl-C.
 
@@ -48,14 +40,10 @@ def field(
     from mission.processes.runtime import CLOCK_FILE
     from mission.processes.simulation import Field, SimulationFailed, on_loopback
 
-    options = {
-        option: f"{key}={value}"
-        for option, key, value in (
-            ("--seed", "simulation.seed", seed),
-            ("--speed", "simulation.speed", speed),
-        )
-        if value is not None
-    }
+    options = as_settings(
+        ("--seed", "simulation.seed", seed),
+        ("--speed", "simulation.speed", speed),
+    )
     settings = on_loopback(
         load_scenario(scenario, [*(set_ or []), "simulation.sensors=wire"], options)
     )

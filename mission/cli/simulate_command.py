@@ -13,6 +13,7 @@ import typer
 
 from mission.cli.exits import Exit, end, exit_of, want_json
 from mission.cli.junit import Flown, write_junit
+from mission.cli.typed import Seed, SetAgain, Speed
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -31,14 +32,8 @@ def simulate_command(
             "other; demo where none is named.",
         ),
     ] = None,
-    seed: Annotated[
-        int | None,
-        typer.Option(help="Draws stop angle, pitch, yaw, launch point; else as the scenario says."),
-    ] = None,
-    speed: Annotated[
-        str | None,
-        typer.Option(help="Times real time, 0 to 20; or auto: as fast as this computer can, 1-5."),
-    ] = None,
+    seed: Seed = None,
+    speed: Speed = None,
     sensors: Annotated[
         str | None,
         typer.Option(help="wire: LiDAR by UDP, picture by RTSP, as on a drone; or bus: cheaper."),
@@ -48,10 +43,7 @@ def simulate_command(
         typer.Option(help="URL of another PX4-like simulator instead of the mock: udpin://..."),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the missions, else missions.")] = None,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="section.key=value, as in a file; may be given again."),
-    ] = None,
+    set_: SetAgain = None,
     as_json: Annotated[
         bool,
         typer.Option(
@@ -75,17 +67,13 @@ def simulate_command(
     if list_:
         _list_scenarios()
         return
-    options = {
-        option: f"{key}={value}"
-        for option, key, value in (
-            ("--seed", "simulation.seed", seed),
-            ("--speed", "simulation.speed", speed),
-            ("--sensors", "simulation.sensors", sensors),
-            ("--autopilot", "simulation.autopilot_url", autopilot),
-            ("--out", "missions_dir", out),
-        )
-        if value is not None
-    }
+    options = as_settings(
+        ("--seed", "simulation.seed", seed),
+        ("--speed", "simulation.speed", speed),
+        ("--sensors", "simulation.sensors", sensors),
+        ("--autopilot", "simulation.autopilot_url", autopilot),
+        ("--out", "missions_dir", out),
+    )
     names = scenarios or ["demo"]
     loaded = [(name, load_scenario(name, set_ or [], options)) for name in names]
     if junit is not None:
@@ -166,6 +154,14 @@ def _list_scenarios() -> None:
     width = max(map(len, names))
     for name in names:
         typer.echo(f"{name:<{width}}  {scenario_summary(name)}")
+
+
+def as_settings(*given: tuple[str, str, object]) -> dict[str, str]:
+    """Return ``key=value`` of the options that were given, by their names.
+
+    ``given``: option, key of the settings, value or None, of each.
+    """
+    return {option: f"{key}={value}" for option, key, value in given if value is not None}
 
 
 def load_scenario(scenario: str, overrides: list[str], options: Mapping[str, str]) -> Settings:

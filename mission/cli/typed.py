@@ -21,6 +21,20 @@ AsJson = Annotated[
     typer.Option("--json", callback=want_json, help="Print one JSON object, and nothing else."),
 ]
 
+#: Of the commands that play the world, flown or not.
+Seed = Annotated[
+    int | None,
+    typer.Option(help="Draws stop angle, pitch, yaw, launch point; else as the scenario says."),
+]
+Speed = Annotated[
+    str | None,
+    typer.Option(help="Times real time, 0 to 20; or auto: as fast as this computer can, 1-5."),
+]
+SetAgain = Annotated[
+    list[str] | None,
+    typer.Option("--set", help="section.key=value, as in a file; may be given again."),
+]
+
 
 def asked_text(option: str, given: str, question: str) -> str:
     """Return what was given, or what is answered where somebody sits at a terminal."""
