@@ -77,7 +77,7 @@ class Leg:
         along = float((position_w - self.root_w) @ self.axis_w)
         first, last = self._along_m[0], self._along_m[-1]
         inside = float(np.interp(along, self._along_m, self.grid_m))
-        return inside + min(0.0, along - first) + max(0.0, along - last)
+        return inside + min(0.0, along - float(first)) + max(0.0, along - float(last))
 
     def line(self) -> Float:
         """Return the polyline (K, 3) from the first to the last photo."""
