@@ -28,7 +28,7 @@ from drivers.bus import Bus, Key
 from drivers.clock import Clock, SharedClock
 from mission.flight.command import TERMINAL, Phase
 from mission.processes.runtime import CLOCK_FILE
-from mission.processes.simulation import Daemon, Field, on_loopback
+from mission.processes.simulation import Daemon, Field, SimulationFailed, on_loopback
 from mission.remote.client import Client, NoReply
 from mission.remote.messages import ReadyMessage, SensingHealth, StateMessage
 
@@ -180,7 +180,7 @@ def _until_ready(up: Rig) -> float:
             time.sleep(0.02)
     finally:
         end()
-    raise RuntimeError(f"the daemon was not ready; heard of {sorted(heard)}")
+    raise SimulationFailed(f"the daemon was not ready; heard of {sorted(heard)}")
 
 
 def _linked(client: Client) -> bool:
@@ -214,7 +214,7 @@ def _start(up: Rig) -> list[StateMessage]:
     (site,) = up.settings.sites
     reply = up.client.start(site.name, operator="bench", rotor_locked=True)
     if not reply.ok:
-        raise RuntimeError(reply.text)
+        raise SimulationFailed(reply.text)
     return newest
 
 

@@ -16,6 +16,7 @@ import zenoh
 
 from config.links import Bus as BusSettings
 from drivers.bus import Bus, Key, Sample
+from mission.processes.simulation import SimulationFailed
 
 FLOOD_PER_S = 10_000.0
 _BURST_S = 0.005
@@ -47,7 +48,7 @@ def gaps(bus: Bus, wait: Callable[[], None]) -> Gaps:
         end()
     between = np.diff(sorted(sent_s)) * 1e3
     if not len(between):
-        raise RuntimeError("no setpoints left")
+        raise SimulationFailed("no setpoints left")
     p50, p99 = np.percentile(between, (50, 99))
     return Gaps(float(p50), float(p99), float(between.max()), len(sent_s))
 

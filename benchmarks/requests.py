@@ -29,6 +29,7 @@ from drivers.bus_access import ALL_VERBS, ROLES_FILE, Role, read_roles, write_ro
 from drivers.certificates import issue, make_authority
 from drivers.free_port import free_port
 from mission.flight.command import MissionState, Phase, PhotoCommand, Progress
+from mission.processes.simulation import SimulationFailed
 from mission.remote.client import Client
 from mission.remote.desk import TOO_MANY, Desk
 from mission.remote.fleet import Fleet
@@ -163,7 +164,7 @@ def _daemon(folder: Path) -> Iterator[tuple[BusSettings, psutil.Process]]:
     process.start()
     try:
         if not ready.wait(60):
-            raise RuntimeError("the daemon's half did not come up")
+            raise SimulationFailed("the daemon's half did not come up")
         yield settings, psutil.Process(process.pid)
     finally:
         over.set()

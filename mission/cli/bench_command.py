@@ -19,6 +19,7 @@ from mission.cli.bench_missions import missions
 from mission.cli.bench_recording import recording
 from mission.cli.bench_requests import requests
 from mission.cli.bench_vehicle import vehicle
+from mission.cli.typed import AsJson
 
 app = typer.Typer(no_args_is_help=True, add_completion=False)
 
@@ -44,7 +45,7 @@ def tracking(
     seed: Annotated[int, typer.Option(help="Draws turbines, angles, winds, everything.")] = 1,
     first: Annotated[int, typer.Option(min=0, help="Number of the first mission.")] = 0,
     processes: Annotated[int, typer.Option(min=1, help="Side by side, one a core.")] = 2,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Fly whole inspections on a virtual clock and judge them by the true blades."""
     import benchmarks.tracking as bench

@@ -12,6 +12,9 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from mission.cli.bench_rows import measuring
+from mission.cli.typed import AsJson
+
 if TYPE_CHECKING:
     from benchmarks.daemon import Measured
 
@@ -26,7 +29,7 @@ def daemon(
         bool, typer.Option(help="Along a blade, time exposure commands as the light changes.")
     ] = False,
     threads: Annotated[bool, typer.Option(help="Show the threads that cost most.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Measure the daemon's own processes with every sensor at full rate."""
     from benchmarks.daemon import measure
@@ -34,7 +37,7 @@ def daemon(
     from benchmarks.latency import machine
 
     here = machine()
-    with Console(stderr=True).status("measuring"):
+    with measuring("measuring"):
         found = measure(seed, seconds, speed, fly=fly, track=track, light=light)
     now = datetime.now(UTC).isoformat(timespec="seconds")
     if as_json:

@@ -184,8 +184,12 @@ def _save_curves(bench: Bench, picture: Path) -> None:
 
     shown = [one for one in bench.passes if one.lighting is Lighting.CLOUDS]
     drawn = curves(shown, (AUTOMATIC, PAPER, OURS), "Root to tip under passing clouds")
-    if not cv2.imwrite(str(picture), drawn):
-        raise typer.BadParameter(f"{picture} cannot be written")
+    try:
+        written = cv2.imwrite(str(picture), drawn)
+    except cv2.error:  # it knows no such ending
+        written = False
+    if not written:
+        end(Exit.CONFIGURATION, f"--picture {picture}: cannot be written; name a PNG file")
 
 
 def _brackets(folder: Path, now: str, *, as_json: bool) -> None:

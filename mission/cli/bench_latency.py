@@ -12,6 +12,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from mission.cli.typed import AsJson
+
 if TYPE_CHECKING:
     from benchmarks.latency import Machine, Row
 
@@ -19,7 +21,7 @@ if TYPE_CHECKING:
 def latency(
     repeats: Annotated[int, typer.Option(min=3, help="Of each step; slow ones fewer.")] = 100,
     seed: Annotated[int, typer.Option(help="Draws the turbine.")] = 1,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Show what each step of perception takes, beside its goal."""
     from benchmarks.latency import machine, measure

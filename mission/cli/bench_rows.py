@@ -1,10 +1,11 @@
-"""How a benchmark's rows are printed: as one JSON object, or as a table beside the goals."""
+"""What benchmarks have in common: the note while they measure, and how their rows are printed."""
 
 from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
@@ -12,9 +13,25 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.table import Table
 
+from mission.cli.exits import Exit, end
+
 if TYPE_CHECKING:
     from benchmarks.latency import Machine
     from benchmarks.row import Row
+
+
+@contextmanager
+def measuring(words: str) -> Iterator[None]:
+    """Say meanwhile what is done; end where the daemon or the simulated drone does not go on."""
+    from drivers.bus import BusUnreachable
+    from mission.processes.simulation import SimulationFailed
+    from mission.remote.client import NoReply
+
+    try:
+        with Console(stderr=True).status(words):
+            yield
+    except (SimulationFailed, BusUnreachable, NoReply) as error:
+        end(Exit.DEVICE, str(error))
 
 
 def show_rows(

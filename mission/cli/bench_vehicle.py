@@ -12,10 +12,12 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from mission.cli.typed import AsJson
+
 
 def vehicle(
     seed: Annotated[int, typer.Option(help="Draws wind and position error of the hovers.")] = 1,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Show how the simulated vehicle flies, beside what PX4 was measured to do."""
     from benchmarks.vehicle import measure

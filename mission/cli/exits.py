@@ -49,7 +49,13 @@ def want_json(wanted: bool) -> bool:
 
 
 def end(code: Exit, sentence: str) -> NoReturn:
-    """Print one sentence on standard error and leave with the code.
+    """Print one sentence as `tell` does and leave with the code."""
+    tell(code, sentence)
+    raise typer.Exit(int(code))
+
+
+def tell(code: Exit, sentence: str) -> None:
+    """Print on standard error, in one sentence, why a command ends with the code.
 
     Who asked for ``--json`` is told on standard output, too: ``{"ok": false, "exit_code": 5,
     "error": "..."}``.
@@ -61,4 +67,3 @@ def end(code: Exit, sentence: str) -> NoReturn:
     if _json_wanted.get():
         told = {"ok": False, "exit_code": int(code), "error": sentence}
         sys.stdout.write(json.dumps(told) + "\n")
-    raise typer.Exit(int(code))

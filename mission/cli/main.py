@@ -33,7 +33,7 @@ from mission.cli import (
     watch_command,
 )
 from mission.cli import simulate_command as simulation
-from mission.cli.exits import Exit, want_json
+from mission.cli.exits import Exit, tell, want_json
 
 app = typer.Typer(
     name="bladescout",
@@ -100,9 +100,9 @@ def run() -> None:
     except Exception as error:  # noqa: BLE001 - the last line of defence; logged in full below
         if isinstance(error, OSError) and error.errno in _OF_THE_DISK:
             where = f"{error.filename}: " if error.filename else ""
-            typer.echo(f"error: {where}{error.strerror}", err=True)
+            tell(Exit.FAILED, f"{where}{error.strerror}")
             sys.exit(int(Exit.FAILED))
-        typer.echo(f"error: {type(error).__name__}: {error}", err=True)
+        tell(Exit.FAILED, f"{type(error).__name__}: {error}")
         typer.echo(f"This is a defect of bladescout; {_kept(error)}.", err=True)
         sys.exit(int(Exit.FAILED))
 

@@ -1,12 +1,14 @@
 """The last line of defence: a defect is told in two lines, its traceback kept in a file."""
 
 import errno
+import json
 import os
 import tempfile
 
 import pytest
 
 from mission.cli import main
+from mission.cli.exits import want_json
 
 
 def broken():
@@ -30,6 +32,21 @@ def test_a_defect_is_told_without_a_traceback_which_is_kept_here(tmp_path, capsy
     assert "RuntimeError: the sky is green" in said
     assert "Traceback" not in said
     assert "Traceback" in (tmp_path / "here" / "bladescout-error.log").read_text()
+
+
+def test_who_asked_for_json_is_told_of_a_defect_by_it_too(monkeypatch, capsys):
+    def asked():
+        want_json(True)
+        broken()
+
+    monkeypatch.setattr(main, "app", asked)
+    try:
+        with pytest.raises(SystemExit):
+            main.run()
+    finally:
+        want_json(False)
+    told = json.loads(capsys.readouterr().out)
+    assert told == {"ok": False, "exit_code": 6, "error": "RuntimeError: the sky is green"}
 
 
 def test_where_nothing_can_be_written_here_it_is_kept_with_the_temporary_files(tmp_path, capsys):
