@@ -19,6 +19,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 from urllib.parse import urlsplit
@@ -156,16 +157,15 @@ class Wire:
         log_subscribe(_take_log)
         folders = _metadata_folders()
         mavsdk = Mavsdk(Configuration.create_manual(system_id, OWN_COMPONENT, True))
-        loop = asyncio.get_running_loop()
         try:
             for url in urls:
                 try:
-                    await loop.run_in_executor(None, mavsdk.add_any_connection_with_handle, url)
+                    await _to_its_end(partial(mavsdk.add_any_connection_with_handle, url))
                 except (MavsdkError, ConnectionError) as error:
                     raise LinkFailed(f"{url}: {error}") from error
             system = await _find(mavsdk, urls[0], system_id, timeout_s)
             if tap_file is not None:
-                await loop.run_in_executor(None, open_tap, mavsdk, tap_file)
+                await _to_its_end(partial(open_tap, mavsdk, tap_file))
         except BaseException:
             mavsdk.destroy()
             _remove_new(folders)
@@ -308,6 +308,20 @@ class Wire:
         self._calls.shutdown(wait=False)
         await self._loop.run_in_executor(None, self._mavsdk.destroy)
         _remove_new(self._folders_before)
+
+
+async def _to_its_end(call: Callable[[], object]) -> None:
+    """Make a blocking MAVSDK call in a thread; who is cancelled meanwhile goes when it is over.
+
+    Destroying MAVSDK under a call in flight would hang that call's thread for ever.
+    """
+    made = asyncio.get_running_loop().run_in_executor(None, call)
+    try:
+        await asyncio.shield(made)
+    except asyncio.CancelledError:
+        with contextlib.suppress(MavsdkError, OSError):
+            await made
+        raise
 
 
 def _metadata_folders() -> frozenset[Path]:

@@ -55,12 +55,17 @@ class Child:
         return self.ending
 
     async def end(self, patience_s: float = 4.0) -> None:
-        """Ask the process to leave by closing its input; kill it when it does not."""
+        """Ask the process to leave; kill it when it does not.
+
+        Its input is closed, and SIGTERM sent for one that has just been started: it imports for
+        seconds on a slow or busy computer, reads nothing yet, and has begun nothing.
+        """
         self.ending = True
         if self.process is None or self.process.returncode is not None:
             return
         if self.process.stdin is not None:
             self.process.stdin.close()
+        self.process.terminate()
         try:
             await asyncio.wait_for(self.process.wait(), patience_s)
         except TimeoutError:

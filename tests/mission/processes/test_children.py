@@ -6,7 +6,13 @@ import pytest
 from mission.processes.children import Child
 
 LEAVES_WHEN_TOLD = "import sys\nsys.stdin.read()\n"
-NEVER_LEAVES = "import time\ntime.sleep(60)\n"
+IMPORTS_STILL = "import time\ntime.sleep(60)\n"
+NEVER_LEAVES = """
+import pathlib, signal, sys, time
+signal.signal(signal.SIGTERM, signal.SIG_IGN)
+pathlib.Path(sys.argv[1], "up").touch()
+time.sleep(60)
+"""
 DIES = "raise SystemExit(3)\n"
 
 
@@ -40,9 +46,17 @@ async def test_a_child_that_is_told_to_leave_leaves_and_is_not_restarted(child):
     assert deaths == []
 
 
-async def test_a_child_that_does_not_leave_is_killed(child):
+async def test_a_child_that_has_just_been_started_leaves_without_being_killed(child):
+    one = child(IMPORTS_STILL)
+    process = await one.start()
+    await one.end(patience_s=10.0)
+    assert process.returncode == -15
+
+
+async def test_a_child_that_does_not_leave_is_killed(child, tmp_path):
     one = child(NEVER_LEAVES)
     process = await one.start()
+    await until((tmp_path / "up").exists)
     await one.end(patience_s=0.3)
     assert process.returncode == -9
 
