@@ -30,7 +30,6 @@ from mission.records.files import (
 )
 from mission.records.flights import FlightRecord, swaps, told
 from mission.records.photo_record import PhotoRecord
-from mission.records.report import write_report
 from mission.remote.messages import FlightReport
 from perception.geometry import stop_angle_difference_deg
 from perception.rotor import blade_angles_deg
@@ -67,6 +66,13 @@ def close_folder(
     paths += [path for name in (CONFIG, EVENTS, GEOJSON) if (path := folder / name).exists()]
     write_whole(folder / MANIFEST, manifest(folder, paths).encode())
     # Last: everything is stored even where it cannot be rendered.
+    _render(folder)
+
+
+def _render(folder: Path) -> None:
+    # Only here: a recorder is ready sooner without what renders its report.
+    from mission.records.report import write_report
+
     write_report(folder)
 
 
@@ -88,7 +94,7 @@ def add_truth(folder: Path, truth: Mapping[str, object]) -> Json:
         errors["photo_metres"] = metre_errors(mission["photo_list"], metres)
     mission["errors"] = errors
     write_whole(path, json.dumps(mission, indent=1).encode())
-    write_report(folder)
+    _render(folder)
     return mission
 
 

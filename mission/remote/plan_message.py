@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from mission.flight.leg import Leg
 from mission.flight.observation import Vec3
-from mission.flight.plan import Plan
 from mission.remote.messages import Message
 from perception.geometry import vec3
+
+if TYPE_CHECKING:
+    # Who reads plans does not make them: the solver behind them takes a while to import.
+    from mission.flight.leg import Leg
+    from mission.flight.plan import Plan
 
 #: A leg is nearly straight: blades bend by a few metres over their length.
 STEP_M = 4.0
