@@ -62,14 +62,14 @@ def closing_mps(line):
 
 
 def closing(rig, within_s=240.0):
-    """Wait until the vehicle closes on the turbine at a steady 1.4 m/s or more, in offboard."""
+    """Wait until the vehicle closes on the turbine at a steady 1.5 m/s, in offboard."""
 
     def closes():
         lines = rig.recent()
         newest = lines[-1]
         ours = newest["mode"] == "OFFBOARD" and newest["intention"] == "OFFBOARD"
         last = [closing_mps(line) for line in lines if line["mission_s"] > newest["mission_s"] - 1]
-        return ours and min(last) > 1.4 and max(last) - min(last) < 0.2
+        return ours and min(last) > 1.4 and max(last) < 1.6
 
     rig.until(closes, within_s, every_s=0.02)
 
