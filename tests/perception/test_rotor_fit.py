@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.angle_scenes import AngleScene, SceneOptions, make_scene
+from benchmarks.angle_sites import Site
 from config.settings import Settings
 from perception.estimator import rotor_estimator
 from perception.geometry import stop_angle_difference_deg
@@ -107,6 +108,14 @@ def test_too_few_points_are_refused(scene, count):
 def test_tower_and_two_blades_are_not_a_rotor(scene, k):
     answer = _fit(scene, scene.points_w[~_of_blade(scene, k)])
     assert isinstance(answer, Refusal)
+
+
+def test_a_rotor_with_a_blade_that_was_not_found_is_refused():
+    options = SceneOptions(models=("v27",), site=tuple(Site)[3])
+    lost = make_scene(52252, options)
+    answer = _fit(lost, prior_sigma_m=6.0)
+    assert isinstance(answer, Refusal)
+    assert answer.code is RefusalCode.NOT_CONVERGED
 
 
 def test_two_million_points_are_thinned_first(scene):
