@@ -53,7 +53,7 @@ class Mission:
     """Distance flown minus distance wanted, at 2 Hz."""
     wanted_m: tuple[float, ...]
     settled_s: float | None
-    """From the gust's end until the distance is right within half a metre; None: no gust."""
+    """From the gust's top until the distance is right within half a metre; None: no gust."""
     events: dict[str, int]
 
 

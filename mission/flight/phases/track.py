@@ -32,6 +32,8 @@ MOVED_S = 2.0
 #: Less far in this time is no progress: the leg is left, and comes again with the gaps.
 STUCK_M = 1.5
 STUCK_S = 20.0
+#: Nor is a leg flown along for so long without a photo, however the vehicle moves meanwhile.
+PHOTOLESS_S = 60.0
 #: Along a blade that the LiDAR does not see.
 BLIND_MPS = 1.0
 #: Along a blade that it has lost; after so long the vehicle stands until it is seen again.
@@ -55,13 +57,15 @@ class Track:
         self._speed = 1.0
         self._got_to_w: Float | None = None
         self._got_s = 0.0
+        self._photo_s: float | None = None
+        """When the last photo was asked for along the leg, or flying along it began."""
         self._begun = False
         self._motion: Motion | None = None
 
     def resume(self, _flight: Flight) -> None:
         """Find the way back to where the leg was left."""
         self._moving = self._running = False
-        self._got_to_w = None
+        self._got_to_w = self._photo_s = None
 
     def skip(self, flight: Flight) -> None:
         """Leave the side that is being flown; the next one follows."""
@@ -109,7 +113,10 @@ class Track:
         here = flight.here_w
         if self._got_to_w is None or float(np.linalg.norm(here - self._got_to_w)) > STUCK_M:
             self._got_to_w, self._got_s = here, flight.now_s
-        return flight.now_s - self._got_s > STUCK_S
+        if not self._running or self._photo_s is None:
+            self._photo_s = flight.now_s
+        photoless_s = flight.now_s - self._photo_s
+        return flight.now_s - self._got_s > STUCK_S or photoless_s > PHOTOLESS_S
 
     # --- legs -----------------------------------------------------------------------------
 
@@ -156,7 +163,7 @@ class Track:
                 self._at_once = self._leg.with_photos(thin[::-1], again=True)
         self._leg = self._shooter = None
         self._moving = self._running = False
-        self._got_to_w = None
+        self._got_to_w = self._photo_s = None
 
     # --- moving ---------------------------------------------------------------------------
 
@@ -208,6 +215,8 @@ class Track:
         aim = flight.aim_at(foot)
         distance = self._distance(flight, leg, metre, here, shift)
         photo, slow = shooter.step(flight, metre, distance, aim, foot, seen, self._speed)
+        if photo is not None:
+            self._photo_s = flight.now_s
         slow *= self._unseen(flight, leg)
         setpoint = flight.follow(_yaw(flight, leg), slow, shift, firm=firm)
         if shooter.left and flight.follower.left_m < 0.05:

@@ -230,6 +230,29 @@ def test_a_hold_between_the_last_photo_of_a_leg_and_its_confirmation_ends_the_le
     assert flight.machine.state is MissionState.COMPLETED
 
 
+def test_a_leg_on_which_the_vehicle_moves_but_does_not_get_on_is_left(base):
+    kept, flown = base
+    flight = copy.deepcopy(kept[Phase.TRACK])
+    while not flown.photos or not flight.machine._phase._running:
+        flight.one_tick(flown)
+    phase, begin, anchor = flight.machine._phase, flight.now_s, flight.position.copy()
+    axis = phase._leg.axis_w
+
+    def treadmill(flight, observation):
+        # To and fro by more than counts as standing still, and never on to the next photo.
+        back_m = -2.0 * math.sin(0.25 * (flight.now_s - begin)) ** 2
+        flight.position = anchor + back_m * axis * phase._shooter._sign
+        return observation
+
+    flight.hook = treadmill
+    while phase._running and flight.now_s < begin + 100.0:
+        flight.one_tick(flown)
+    assert flight.now_s - begin < 70.0
+    flight.hook = None
+    flight.run(400.0)
+    assert flight.machine.state is MissionState.COMPLETED
+
+
 def test_a_lost_lidar_sends_it_home(base):
     kept, _ = base
     flight = copy.deepcopy(kept[Phase.TRACK])
