@@ -29,6 +29,9 @@ MOST_GREY = 40.0
 LEAST_GREY, LEAST_CONTRAST = 4.0, 3.0
 #: The visible width lies between these shares of the thickness and of the chord.
 NARROWEST, WIDEST = 0.55, 1.15
+#: Where the blade's pitch tells the visible width, it is known to this share of itself and of the
+#: chord: the sun draws edges of shadow within the blade that are as sharp as its own.
+WIDTH_SHARE, CHORD_SHARE = 0.25, 0.1
 #: The axis runs within the blade, this share of the width from its edges at least.
 WITHIN = 0.15
 #: A blade farther aside than this from where it is expected is less likely: seen by the LiDAR just
@@ -63,12 +66,14 @@ def find_strip(
     chord_m: float,
     thickness_m: float,
     sigma_m: float,
+    width_m: float | None = None,
 ) -> Strip | None:
     """Return where a blade lies in a picture (H, W), None where its edges do not show.
 
     ``near_w``: (3,) point of the expected axis that the camera looks at; ``axis_w``: (3,) its unit
     direction; ``chord_m``, ``thickness_m``: the most and the least that the sections thereabouts
-    have; ``sigma_m``: how far beside the expected axis the blade may well be.
+    have; ``sigma_m``: how far beside the expected axis the blade may well be; ``width_m``: what it
+    ought to show of its width from here, None: not known.
     """
     width_px = grey.shape[1]
     sight = near_w - camera.position_w
@@ -92,7 +97,8 @@ def find_strip(
     strength = _edges(grey, start, end, across, steps)
     usual = float(np.sort(strength)[steps])  # the middle one of 2 steps + 1
     least = max(LEAST_GREY, LEAST_CONTRAST * usual)
-    widths = (NARROWEST * thickness_m / step_m, WIDEST * chord_m / step_m)
+    least_m, most_m = _widths(chord_m, thickness_m, width_m)
+    widths = (least_m / step_m, most_m / step_m)
     low, high, weaker = _best_pair(strength, steps, widths, sigma_m / step_m, least)
     if weaker <= 0.0:
         return None
@@ -102,6 +108,15 @@ def find_strip(
         aside_w=aside_w,
         contrast=weaker / max(usual, 1e-6),
     )
+
+
+def _widths(chord_m: float, thickness_m: float, width_m: float | None) -> tuple[float, float]:
+    """Return the least and the most (m) that a blade may show of its width."""
+    least_m, most_m = NARROWEST * thickness_m, WIDEST * chord_m
+    if width_m is None:
+        return least_m, most_m
+    about_m = WIDTH_SHARE * width_m + CHORD_SHARE * chord_m
+    return max(least_m, width_m - about_m), min(most_m, width_m + about_m)
 
 
 def aside_of(axis_w: Float, sight_w: Float) -> Float | None:

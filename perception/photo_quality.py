@@ -27,6 +27,8 @@ class PhotoQuality:
     sharpness: float
     """Variance of the Laplacian of the region."""
     in_range: bool
+    blade_grey: float | None = None
+    """Mean of all of the blade in the picture, where it is known to be drawn on its edges."""
 
 
 def judge_photo(
@@ -35,12 +37,15 @@ def judge_photo(
     radius_px: float,
     range_grey: tuple[float, float],
     blade: Bytes | None = None,
+    *,
+    whole: bool = False,
 ) -> PhotoQuality | None:
     """Return the figures of the disc round the blade's foot, or None when it is out of the picture.
 
     ``grey``: (H, W). ``blade``: (H, W), not 0 where the blade is; what of the disc lies beside it
     is left out. Where too little remains, the foot was thought to be where the blade is not: all
-    of the blade counts. The disc is the reference region of Shi et al. 2025, Eq. 5, on the still.
+    of the blade counts. ``whole``: the mask is sure enough that all of the blade has to be in range
+    besides. The disc is the reference region of Shi et al. 2025, Eq. 5, on the still.
     """
     height, width = grey.shape
     left, right = int(centre_px[0] - radius_px), int(centre_px[0] + radius_px) + 1
@@ -64,11 +69,16 @@ def judge_photo(
     share = counts[counts > 0] / values.size
     mean = float(values.mean())
     laplacian = cv2.Laplacian(window, cv2.CV_32F)
+    blade_grey = None
+    if whole and blade is not None and np.count_nonzero(blade) >= LEAST_PIXELS:
+        blade_grey = float(grey[blade > 0].mean())
+    low, high = range_grey
     return PhotoQuality(
         mean_grey=mean,
         sigma_grey=float(values.std()),
         entropy_nats=float(-(share * np.log(share)).sum()),
         clipped=float(counts[WHITE:].sum() / values.size),
         sharpness=float(laplacian[inside].var()),
-        in_range=range_grey[0] <= mean <= range_grey[1],
+        in_range=low <= mean <= high and (blade_grey is None or low <= blade_grey <= high),
+        blade_grey=blade_grey,
     )

@@ -11,6 +11,7 @@ import numpy as np
 from config.settings import Settings
 from config.turbine import Turbine
 from mission.flight.command import SensingTask
+from mission.flight.sides import BladeFrame, blade_frame
 from perception.blade_strip import (
     AIMED_SIGMA_M,
     SEEN_SIGMA_M,
@@ -56,8 +57,10 @@ class BladeMetering:
         """``turbines``: dimensions by the name of the site."""
         self._settings = settings
         self._follower = StripFollower()
-        self._sections = {name: _sections(turbine) for name, turbine in turbines.items()}
+        self._turbines = turbines
+        self._sections = {name: _Sections.of(turbine) for name, turbine in turbines.items()}
         self._task_id = -1
+        self._frame: BladeFrame | None = None
 
     def meter(
         self, frame: Frame, camera: CameraPose, task: SensingTask, foot_w: Float | None
@@ -71,6 +74,7 @@ class BladeMetering:
         if task.task_id != self._task_id:
             self._task_id = task.task_id
             self._follower.reset()
+            self._frame = _frame_of(task, self._turbines.get(task.turbine))
         height, width = frame.grey.shape
         settings = self._settings.camera
         matrix = pinhole_matrix(
@@ -104,20 +108,19 @@ class BladeMetering:
         camera: CameraPose,
         matrix: Float,
         axis: tuple[Float, Float, Float],
-        sections: tuple[Float, Float],
+        sections: _Sections,
         shift_w: Float,
         *,
         seen: bool,
     ) -> MeteredBlade | None:
         """Meter a strip along the blade.
 
-        ``axis``: root, tip and the point looked at, (3,) each; ``sections``: chord and thickness
-        (m) at every station; ``shift_w``: (3,) of the axis from where the model has it; ``seen``:
-        the LiDAR has the blade.
+        ``axis``: root, tip and the point looked at, (3,) each; ``shift_w``: (3,) of the axis from
+        where the model has it; ``seen``: the LiDAR has the blade.
         """
         radius_px = self._settings.exposure.disc_radius * frame.grey.shape[1]
         root_w, tip_w, near_w = axis
-        chord, thick = sections
+        chord, thick = sections.chord_m, sections.thickness_m
         length_m = math.dist(tip_w, root_w)
         here = math.dist(near_w, root_w) / max(length_m, 1e-6)
         about = np.abs(_SPAN - here) < ABOUT
@@ -134,6 +137,7 @@ class BladeMetering:
             chord_m=float(chord[about].max()),
             thickness_m=float(thick[about].min()),
             sigma_m=SEEN_SIGMA_M if seen else AIMED_SIGMA_M,
+            width_m=None if self._frame is None else sections.width_m(here, self._frame, aside_w),
         )
         place = self._follower.update(strip, frame.stamp_s, float(shift_w @ aside_w))
         half_m, reach_px = 0.5 * SURE_WIDTH * thick, SUPPOSED_RADII * radius_px
@@ -151,11 +155,49 @@ class BladeMetering:
         return None if metered is None else found
 
 
-def _sections(turbine: Turbine) -> tuple[Float, Float]:
-    """Return chord and thickness (m) of a blade from root to tip."""
-    blade = turbine.blade
-    chord = np.interp(_SPAN, blade.span, blade.chord_m)
-    return chord, chord * np.interp(_SPAN, blade.span, blade.thickness)
+@dataclass(frozen=True, slots=True, eq=False)
+class _Sections:
+    """Those of a blade at every station from root to tip."""
+
+    chord_m: Float
+    thickness_m: Float
+    twist_rad: Float
+
+    @classmethod
+    def of(cls, turbine: Turbine) -> _Sections:
+        """Return the sections of a turbine's blades."""
+        blade = turbine.blade
+        chord = np.interp(_SPAN, blade.span, blade.chord_m)
+        thickness = chord * np.interp(_SPAN, blade.span, blade.thickness)
+        return cls(chord, thickness, np.radians(np.interp(_SPAN, blade.span, blade.twist_deg)))
+
+    def width_m(self, here: float, frame: BladeFrame, aside_w: Float) -> float | None:
+        """Return what shows of the width at a share of the span; None: the pitch is not known.
+
+        ``aside_w``: (3,) unit, across blade and sight. A section is taken for an ellipse.
+        """
+        if frame.pitch_rad is None:
+            return None
+        chord, thickness, twist = (
+            float(np.interp(here, _SPAN, column))
+            for column in (self.chord_m, self.thickness_m, self.twist_rad)
+        )
+        along, across = (
+            float(direction @ aside_w)
+            for direction in (
+                frame.leading(frame.pitch_rad + twist), frame.pressure(frame.pitch_rad + twist)
+            )
+        )  # fmt: skip
+        return math.hypot(chord * along, thickness * across)
+
+
+def _frame_of(task: SensingTask, turbine: Turbine | None) -> BladeFrame | None:
+    """Return how the blade of a task is turned; None where that was not measured."""
+    blade = next((one for one in task.blades if one.name == task.blade), None)
+    if turbine is None or blade is None or task.hub_w is None or task.normal_w is None:
+        return None
+    hub, normal, axis = (np.asarray(v) for v in (task.hub_w, task.normal_w, blade.direction_w))
+    return blade_frame(blade.name, hub, normal, axis, blade.pitch_deg, turbine)
 
 
 def looked_at(camera: CameraPose, root_w: Float, tip_w: Float) -> Float:

@@ -234,7 +234,8 @@ class Recorder:
             report, course, flights = await loop.run_in_executor(
                 self._writer, mission.journal.end, report, mission.course.course()
             )
-            records = superseded(mission.photos.records)
+            limit_mm = mission.settings.tracking.max_gsd_mm
+            records = superseded(mission.photos.records, limit_mm)
             changed = [one for one in records if one not in mission.photos.records]
             await loop.run_in_executor(self._writer, rewrite, mission.folder, changed)
             await loop.run_in_executor(

@@ -61,6 +61,7 @@ def judge(
         MIDDLE_RADII * exposure.disc_radius * width_px,
         (exposure.min_grey, exposure.max_grey),
         inner,
+        whole=view.matched,
     )
     aim = _aim_error(view, foot if foot_w is not None else None)
     blur = _blur_px(view, moment, shutter_s, settings)

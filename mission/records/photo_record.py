@@ -169,7 +169,9 @@ class PhotoRecord(BaseModel):
     ev: float | None
     shutter_s: float | None
     mean_grey: float | None
-    """Of the blade in the stored picture."""
+    """Of the blade in the middle of the stored picture, which is metered too."""
+    blade_grey: float | None = None
+    """Of all of the blade in it, where its outline was laid on its edges."""
     exposure_in_range: bool | None
     sharpness: float | None
     aim_error: float | None = None

@@ -179,6 +179,7 @@ def _record(
         ev=taken.ev,
         shutter_s=taken.shutter_s,
         mean_grey=None if quality is None else quality.mean_grey,
+        blade_grey=None if quality is None else quality.blade_grey,
         exposure_in_range=None if quality is None else quality.in_range,
         sharpness=None if quality is None else quality.sharpness,
         aim_error=verdict.aim_error,

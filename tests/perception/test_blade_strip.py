@@ -21,11 +21,12 @@ def picture(middle_m, width_m, blade=150, ground=80, seed=1):
     return np.clip(grey + noise, 0, 255).astype(np.uint8)
 
 
-def find(grey, expected_m=0.0, sigma_m=0.7):
+def find(grey, expected_m=0.0, sigma_m=0.7, width_m=None):
     near_w = np.array([20.0, 0.0, expected_m])
     return find_strip(
-        grey, near_w, AXIS_W, CAMERA, MATRIX, chord_m=1.6, thickness_m=0.4, sigma_m=sigma_m
-    )
+        grey, near_w, AXIS_W, CAMERA, MATRIX, chord_m=1.6, thickness_m=0.4, sigma_m=sigma_m,
+        width_m=width_m,
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize(("blade", "ground"), [(150, 80), (80, 150), (250, 215)])
@@ -55,6 +56,16 @@ def test_what_is_far_aside_is_another_blade():
 
 def test_what_is_much_wider_than_the_chord_is_a_tower():
     assert find(picture(0.0, 2.6)) is None
+
+
+def test_the_edge_of_a_shadow_on_the_blade_is_not_its_own_where_its_width_is_known():
+    lit, shaded = (picture(0.0, 1.4, blade, ground=140) for blade in (155, 90))
+    grey = np.concatenate([lit[: HEIGHT // 2], shaded[HEIGHT // 2 :]])
+    deceived, right = find(grey), find(grey, width_m=1.4)
+    assert deceived is not None
+    assert deceived.width_m < 0.8
+    assert right is not None
+    assert right.width_m == pytest.approx(1.4, abs=0.06)
 
 
 def test_one_mistaken_edge_does_not_move_the_metering():

@@ -16,6 +16,7 @@ from mission.flight.leg import Unseen
 from mission.flight.observation import BladeEstimate, RotorEstimate
 from mission.flight.report import MissionReport, PassReport, PhaseTime
 from mission.records.files import EVENTS
+from mission.records.photo_record import stored_records
 from mission.records.photos import PhotoSite, store
 from mission.records.summary import close_folder
 from mission.remote.messages import EventMessage, FlightReport, PhotoTakenMessage
@@ -226,3 +227,9 @@ def truth():
             "setpoint_gap_wall_ms": {"p50": 20.0, "p99": 40.0, "max": 60.0},
         },
     }
+
+
+@pytest.fixture
+def a_record(mission_dir):
+    """Return the record of the mission's first photo."""
+    return stored_records(mission_dir)[0]
