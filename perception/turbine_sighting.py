@@ -198,10 +198,10 @@ def _tower_rows(points: Float, here: Float, solid: TurbineSolid) -> _Rows | None
     towards = towards - (towards @ solid.tower_axis_w)[:, None] * solid.tower_axis_w
     towards = towards / np.maximum(np.linalg.norm(towards, axis=1), 1e-6)[:, None]
     facing = np.einsum("nk,nk->n", outward, towards) > FACING
-    if int(facing.sum()) < LEAST_TOWER:
-        return None
-    sigma = TOWER_POINT_SIGMA_M * math.sqrt(max(1.0, float(facing.sum()) / TOWER_WEIGHS))
     count = int(facing.sum())
+    if count < LEAST_TOWER:
+        return None
+    sigma = TOWER_POINT_SIGMA_M * math.sqrt(max(1.0, count / TOWER_WEIGHS))
     return _Rows(
         0, outward[facing], points[facing] - here, np.zeros(count),
         (apart - radius)[facing], np.full(count, sigma),
@@ -285,10 +285,9 @@ def _bin_rows(
     left, right = float(ends[:, 0].min()) - thick, float(ends[:, 0].max()) + thick
     first, last = (_ranked(aside, share) for share in EDGES)
     width, wide = right - left, last - first
-    lever = sight
     if LEAST_WIDTH * width - WIDTH_SPARE_M < wide < MOST_WIDTH * width + WIDTH_SPARE_M:
         spread = math.hypot(MIDDLE_SIGMA_M, MIDDLE_SHARE * width, width / len(aside))
-        found.append((side, lever, metre, (first + last - left - right) / 2, spread))
+        found.append((side, sight, metre, (first + last - left - right) / 2, spread))
     chord = ends[1] - ends[0]
     if abs(chord[0]) < EDGE_ON * float(np.linalg.norm(chord)) or float(np.linalg.norm(chord)) < 0.1:
         near_end = float(ends[:, 1].min()) - thick
@@ -298,7 +297,7 @@ def _bin_rows(
         value = _ranked(deep - (ends[0, 1] + at * chord[1] - thick), 0.5)
         spread = DEPTH_SIGMA_M
     if abs(value) < window_m:
-        found.append((view, lever, metre, value, spread))
+        found.append((view, sight, metre, value, spread))
     return found
 
 
