@@ -30,6 +30,10 @@ EDGE_REACH_M, EDGE_SHARE = 3.0, 0.1
 #: A chord turned out of the sight's square by more than the first tangent shows one end nearer than
 #: the other; by more than the second it is seen edge-on.
 SLANTED, EDGE_ON = 0.3, 2.6
+#: Of the width that the model shows from here, less than this was not all in view.
+WHOLE_WIDTH = 0.8
+#: The middle is taken between these quantiles of what is seen across the blade.
+EXTENT = (0.03, 0.97)
 #: Of a section's greatest half thickness, what its skin has on average over the chord.
 MEAN_THICKNESS = 0.7
 
@@ -110,7 +114,7 @@ def fit_blade_line(
     if reach < 1e-3:
         return None
     view /= reach
-    side = np.cross(axis, view)
+    side: Float = np.asarray(np.cross(axis, view), np.float64)
 
     local = _select(
         np.ascontiguousarray(points_w, np.float64), root_w, axis, side, view,
@@ -122,7 +126,7 @@ def fit_blade_line(
         half_thickness_m = float(np.interp(beside, depth.metre_m, depth.depth_m))
         # A blade tapers: each point is brought to the depth that the section at the foot has.
         there = np.interp(local[:, 0], depth.metre_m, depth.depth_m)
-        slanted = _slanted(local, beside, np.asarray(side, np.float64), view, depth)
+        slanted = _slanted(local, beside, side, view, depth)
         there = there if slanted is None else slanted
         local = np.stack([local[:, 0], local[:, 1], local[:, 2] + there - half_thickness_m], axis=1)
     line = _line(local, beside, inlier_m)
@@ -131,7 +135,7 @@ def fit_blade_line(
     slope, at_foot, residual_m = line
     if depth is not None and depth.edge:
         at_foot = np.array([at_foot[0], _near_skin(local, beside, slope, at_foot, inlier_m)])
-    lateral, width = _middle(local, beside, slope[0])
+    lateral, width = _middle(local, beside, slope[0], _shown(side, beside, depth))
     if lateral is not None:
         at_foot = np.array([lateral, at_foot[1]])
 
@@ -201,7 +205,7 @@ def _slanted(
     if not SLANTED < turned < EDGE_ON:
         return None
     # The blade hangs beside its model: its chord is laid on the middle of what is seen of it.
-    middle, _ = _middle(local, beside, 0.0)
+    middle, _ = _middle(local, beside, 0.0, _shown(side, beside, depth))
     moved = (middle or 0.0) - 0.5 * (at[0] + at[1])
     wide = np.where(np.abs(aside[1] - aside[0]) < 1e-3, 1e-3, aside[1] - aside[0])
     share = np.clip((local[:, 1] - moved - aside[0]) / wide, 0.0, 1.0)
@@ -305,14 +309,36 @@ def _near_skin(local: Float, beside: float, slope: Float, at_foot: Float, inlier
     return float(at_foot[1] + np.quantile(off[near], EDGE_SHARE))
 
 
-def _middle(local: Float, beside: float, slope: float) -> tuple[float | None, float]:
-    """Return the middle of the lateral extent beside the vehicle, and its width."""
+def _shown(side: Float, beside: float, depth: SectionDepth | None) -> tuple[float, float] | None:
+    """Return where the model's section has its middle aside at the foot, and how wide it shows."""
+    if depth is None or depth.leading_w is None or depth.trailing_w is None:
+        return None
+    lead, trail = (
+        float(np.interp(beside, depth.metre_m, end @ side))
+        for end in (depth.leading_w, depth.trailing_w)
+    )
+    return 0.5 * (lead + trail), abs(lead - trail)
+
+
+def _middle(
+    local: Float, beside: float, slope: float, shown: tuple[float, float] | None
+) -> tuple[float | None, float]:
+    """Return the middle of the lateral extent beside the vehicle, and its width.
+
+    ``shown``: middle and width of the model's section from here. Where clearly less of it is seen
+    (the sensor's field of view ends there, or a flank is too flat for an echo) one end is missing:
+    the blade is laid by the end that then lies nearer to the model.
+    """
     aside = local[:, 1] - slope * (local[:, 0] - beside)
     near = np.abs(local[:, 0] - beside) < 2.0
     if int(near.sum()) < MIN_POINTS:
         near = np.ones(len(local), bool)
-    low, high = np.quantile(aside[near], (0.03, 0.97))
-    return float(low + high) / 2, float(high - low)
+    low, high = (float(value) for value in np.quantile(aside[near], EXTENT))
+    middle, width = 0.5 * (low + high), high - low
+    if shown is not None and width < WHOLE_WIDTH * shown[1]:
+        expected, half = shown[0], (0.5 - EXTENT[0]) * shown[1]
+        middle = min((low + half, high - half), key=lambda at: abs(at - expected))
+    return middle, width
 
 
 def _tip(along: Float, beside: float, length: float) -> float | None:

@@ -88,15 +88,14 @@ class BladeFollower:
                 return _unseen(task, stamp_s, position_w, seen)
         if task.blade_root_w is None or task.blade_tip_w is None or task.blind:
             return None
-        joined = np.concatenate([points for _, points in self._recent])
-        for end_w, other_w, radius_m, other_radius_m in task.others:
-            radii = (radius_m + OTHERS_SKIN_M, other_radius_m + OTHERS_SKIN_M)
-            joined = outside_cone(joined, np.asarray(end_w), np.asarray(other_w), radii)
+        joined = self._without_others(task, stamp_s, position_w)
+        root_w, tip_w = np.asarray(task.blade_root_w), np.asarray(task.blade_tip_w)
+        moved_w = self._moved_beside(root_w, tip_w, stamp_s, position_w)
         line = fit_blade_line(
             joined,
             position_w,
-            np.asarray(task.blade_root_w),
-            np.asarray(task.blade_tip_w),
+            root_w + moved_w,
+            tip_w + moved_w,
             task.half_width_m,
             depth=_depth(self._turbines.get(task.turbine), task),
         )
@@ -110,11 +109,33 @@ class BladeFollower:
             direction_w=vec3(line.direction_w),
             distance_m=line.distance_m,
             points_per_s=line.points / window_s,
-            offset_w=vec3(line.offset_w),
+            offset_w=vec3(line.offset_w + moved_w),
             residual_m=line.residual_m,
             tip_m=line.tip_m,
             turbine=self._seen,
         )
+
+    def _without_others(self, task: SensingTask, stamp_s: float, position_w: Float) -> Float:
+        """Return the joined points (N, 3) without those of tower and nacelle, where they appear."""
+        joined = np.concatenate([points for _, points in self._recent])
+        for end_w, other_w, radius_m, other_radius_m in task.others:
+            ends_w = np.array([end_w, other_w])
+            ends_w = ends_w + self._sight.appears_moved(ends_w, stamp_s, position_w)
+            radii = (radius_m + OTHERS_SKIN_M, other_radius_m + OTHERS_SKIN_M)
+            joined = outside_cone(joined, ends_w[0], ends_w[1], radii)
+        return joined
+
+    def _moved_beside(
+        self, root_w: Float, tip_w: Float, stamp_s: float, position_w: Float
+    ) -> Float:
+        """Return how far (3,) beside its axis the blade is to be looked for.
+
+        Points are taken within a chord of it: a position off by metres would cut the blade.
+        """
+        axis_w = (tip_w - root_w) / np.linalg.norm(tip_w - root_w)
+        foot_w = root_w + float((position_w - root_w) @ axis_w) * axis_w
+        moved_w = self._sight.appears_moved(foot_w[None], stamp_s, position_w)[0]
+        return np.asarray(moved_w - float(moved_w @ axis_w) * axis_w, np.float64)
 
 
 def _chord(turbine: Turbine, task: SensingTask) -> tuple[Float | None, Float | None]:

@@ -79,6 +79,15 @@ class TurbineSight:
         told = tuple(float(value) for value in spread[np.triu_indices(4)])
         return TurbineSeen(stamp_s, vec3(sighting.offset_w), sighting.heading_rad, told)
 
+    def appears_moved(self, places_w: Float, stamp_s: float, position_w: Float) -> Float:
+        """Return how far (N, 3) places (N, 3) of the measured turbine appear moved by now."""
+        if self._drift is None:
+            return np.zeros_like(places_w)
+        heading_rad, _ = self._drift.heading(stamp_s)
+        lever = places_w - position_w
+        turned = np.stack([-lever[:, 1], lever[:, 0], np.zeros(len(lever))], axis=1)
+        return np.asarray(self._drift.at(stamp_s)[0] + heading_rad * turned, np.float64)
+
     def _known(self, task: SensingTask, turbine: Turbine) -> bool:
         """Return whether a task tells a measured rotor; take it where it is another one."""
         if task.hub_w is None or task.normal_w is None or task.measured_s is None:

@@ -44,6 +44,54 @@ def test_points_of_the_nacelle_are_not_the_blades(skin):
     assert BladeFollower({}).follow(replace(TASK, others=(around,)), near, 1.0, HERE) is None
 
 
+def test_the_tower_is_left_out_where_it_appears_by_now(skin):
+    follower = BladeFollower({})
+    # A tower beside the blade; the position has drifted, and both appear 2.5 m farther up.
+    drift_w = np.array([0.0, 0.0, 2.5])
+    draw = np.random.default_rng(6)
+    tower = np.stack(
+        [draw.uniform(12.0, 28.0, 900), np.full(900, 2.0), draw.uniform(1.6, 3.9, 900)], axis=1
+    )
+    task = replace(
+        TASK, others=(((0.0, 2.0, 2.75), (40.0, 2.0, 2.75), 1.2, 1.2),), half_width_m=6.5
+    )
+    seen = np.concatenate([skin, tower]) + drift_w
+    unaware = follower.follow(task, seen, 1.0, HERE)
+    follower._sight.appears_moved = lambda places_w, _stamp_s, _position_w: 0 * places_w + drift_w
+    aware = follower.follow(task, seen, 1.1, HERE)
+    assert aware.offset_w[2] == pytest.approx(2.9, abs=0.15)
+    assert abs(unaware.offset_w[2] - 2.9) > 0.5
+
+
+def test_a_blade_of_which_one_end_of_the_chord_is_out_of_view_is_laid_by_the_other():
+    turbine = load_turbine("nrel-1.72-103")
+    shape, draw = turbine.blade, np.random.default_rng(3)
+    metres = draw.uniform(16.0, 28.0, 2500)
+    chord, ahead = (
+        np.interp(metres / turbine.blade_length_m, shape.span, column)
+        for column in (shape.chord_m, shape.pitch_axis)
+    )
+    hub, axis = np.array([0.0, 12.0, 80.0]), np.array([0.0, 0.0, 1.0])
+    root = hub + turbine.hub_radius_m * axis
+    twist = float(np.interp(22.0 / turbine.blade_length_m, shape.span, shape.twist_deg))
+    # Square to the sight, hanging 0.2 m beside its model.
+    along_chord = (ahead - draw.uniform(0.0, 1.0, 2500)) * chord
+    skin = root + metres[:, None] * axis + (along_chord + 0.2)[:, None] * np.array([1.0, 0.0, 0.0])
+    task = replace(
+        TASK, turbine="t", side="PS", hub_w=tuple(hub), normal_w=(0.0, 1.0, 0.0),
+        blade_root_w=tuple(root), blade_tip_w=tuple(root + turbine.blade_length_m * axis),
+        half_width_m=4.0, blades=(BladeEstimate(TASK.blade, (0.0, 0.0, 1.0), -twist),),
+    )  # fmt: skip
+    place = np.array([0.0, 0.0, root[2] + 22.0])
+
+    def aside_m(points):
+        return BladeFollower({"t": turbine}).follow(task, points, 1.0, place).offset_w[0]
+
+    whole_m = aside_m(skin)
+    assert aside_m(skin[skin[:, 0] > -0.4]) == pytest.approx(whole_m, abs=0.12)
+    assert aside_m(skin[skin[:, 0] < 0.1]) == pytest.approx(whole_m, abs=0.12)
+
+
 def test_a_blade_seen_aslant_hangs_where_it_does_whichever_end_of_the_chord_is_nearer():
     turbine = load_turbine("nrel-1.72-103")
     shape, rng = turbine.blade, np.random.default_rng(2)
