@@ -9,15 +9,15 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
 import psutil
 
 from benchmarks.daemon_flood import FLOOD_PER_S, Gaps, flood, gaps
-from benchmarks.daemon_light import LightLag, light_heard
+from benchmarks.daemon_light import LightHeard, LightLag, light_heard
 from benchmarks.daemon_usage import Shares, Usage, memory_mb
 from benchmarks.replayed_stream import ReplayedStream
 from config.settings import Settings
@@ -140,27 +140,43 @@ def rig(seed: int, speed: float, *, changing_light: bool = False) -> Iterator[Ri
 
 
 def measure(
-    seed: int, seconds: float, speed: float, *, fly: bool, track: bool, light: bool = False
+    seed: int,
+    seconds: float,
+    speed: float,
+    *,
+    fly: bool,
+    track: bool,
+    light: bool = False,
+    tell: Callable[[str], None] = lambda _: None,
 ) -> Measured:
     """Measure a daemon that is idle and, where asked for, one that flies as far as along a blade.
 
-    ``seconds``: mission time of each stage; ``speed``: mission seconds a second; ``light``: it
-    changes, and the exposure commands that follow are timed.
+    ``seconds``: mission time of each stage; ``speed``: mission seconds a second; ``light``: only
+    along a blade, where it changes and the exposure commands that follow are timed; ``tell`` hears
+    what is being done.
     """
+    stages: list[Stage] = []
+    flooded = lag = None
+    tell("coming up")
     with rig(seed, speed, changing_light=light) as up:
         ready_s = _until_ready(up)
         ready_cpu_s = sum(up.usage().cpu_s.values())
         up.wait(_SETTLE_S)
-        stages = [_stage(up, "idle", seconds, 5.0)]
-        flooded = lag = None
-        if fly:
+        if not light:
+            tell("idle")
+            stages.append(_stage(up, "idle", seconds, 5.0))
+        if fly or light:
             newest = _start(up)
+            tell("on the way up")
             if not light and _reached(up, newest, Phase.ASCEND):
                 stages.append(_stage(up, "ascent", seconds, 120.0, 1200.0))
                 flooded = _flood(up, seconds, speed)
-            if track and _reached(up, newest, Phase.TRACK):
-                stages.append(_stage(up, "along a blade", seconds, 120.0, 1200.0))
-                lag = _light(up, seconds) if light else None
+            tell("on the way to a blade: one to three minutes")
+            if (track or light) and _reached(up, newest, Phase.TRACK):
+                tell("along a blade")
+                with _light(up) if light else nullcontext() as heard:
+                    stages.append(_stage(up, "along a blade", seconds, 120.0, 1200.0))
+                lag = None if heard is None else LightLag.of(heard.lags_ms())
     return Measured(ready_s, ready_cpu_s, tuple(stages), flooded, lag)
 
 
@@ -228,12 +244,10 @@ def _flood(up: Rig, seconds: float, speed: float) -> Flood:
     return Flood(per_s, quiet, flooded)
 
 
-def _light(up: Rig, seconds: float) -> LightLag | None:
-    """Time the exposure commands of some time along a blade."""
+def _light(up: Rig) -> AbstractContextManager[LightHeard]:
+    """Hear what becomes of pictures until left."""
     tap = up.run_dir / TAP_FILE
-    with light_heard(up.bus, tap, up.settings.autopilot.system_id, up.clock) as heard:
-        up.wait(seconds)
-    return LightLag.of(heard.lags_ms())
+    return light_heard(up.bus, tap, up.settings.autopilot.system_id, up.clock)
 
 
 def _reached(up: Rig, newest: list[StateMessage], phase: Phase) -> bool:

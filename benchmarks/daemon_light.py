@@ -39,16 +39,8 @@ _LOG_COMPONENT, _LOG_TYPE = 155, 41
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
-    """What one picture made of the exposure."""
-
-    taken_s: float
-    ev: float
-
-
-@dataclass(frozen=True, slots=True)
-class Ordered:
-    """One command on the wire."""
+class TimedEv:
+    """An EV, asked for by a picture that was taken then or ordered then on the wire."""
 
     at_s: float
     ev: float
@@ -60,16 +52,16 @@ class LightHeard:
 
     decoded_s: dict[float, float] = field(default_factory=dict)
     """By the time at which a picture was taken."""
-    asked: list[Asked] = field(default_factory=list)
-    ordered: list[Ordered] = field(default_factory=list)
+    asked: list[TimedEv] = field(default_factory=list)
+    ordered: list[TimedEv] = field(default_factory=list)
 
     def lags_ms(self) -> list[float]:
         """Return for each command how long before it the picture was decoded that asked for it."""
         changed = [one for _, (one, *_) in groupby(self.ordered, key=lambda one: one.ev)]
         wishes = [
-            (self.decoded_s[wish.taken_s], wish.ev)
+            TimedEv(self.decoded_s[wish.at_s], wish.ev)
             for wish in self.asked
-            if wish.taken_s in self.decoded_s
+            if wish.at_s in self.decoded_s
         ]
         causes = [(one, _cause(wishes, one)) for one in changed]
         return [1e3 * (one.at_s - cause_s) for one, cause_s in causes if cause_s is not None]
@@ -93,16 +85,17 @@ class LightLag:
         return cls(float(p50), float(p99), float(max(lags_ms)), len(lags_ms))
 
 
-def _cause(wishes: Sequence[tuple[float, float]], one: Ordered) -> float | None:
+def _cause(wishes: Sequence[TimedEv], one: TimedEv) -> float | None:
     """Return when the first of the newest pictures in a row was decoded that ask for an order's EV.
 
-    ``wishes``: when each picture was decoded, and the EV that it asks for.
+    ``wishes``: of each picture, at the time when it was decoded.
     """
-    newest_first = sorted((at_s, ev) for at_s, ev in wishes if 0 < one.at_s - at_s < _MOST_S)[::-1]
+    before = (wish for wish in wishes if 0 < one.at_s - wish.at_s < _MOST_S)
+    newest_first = sorted(before, key=lambda wish: wish.at_s, reverse=True)
     # What was asked for while the camera was still busy with this one has its own command.
-    row = dropwhile(lambda wish: abs(wish[1] - one.ev) > _SAME_EV, newest_first)
-    in_row = takewhile(lambda wish: abs(wish[1] - one.ev) <= _SAME_EV, row)
-    return min((at_s for at_s, _ in in_row), default=None)
+    row = dropwhile(lambda wish: abs(wish.ev - one.ev) > _SAME_EV, newest_first)
+    in_row = takewhile(lambda wish: abs(wish.ev - one.ev) <= _SAME_EV, row)
+    return min((wish.at_s for wish in in_row), default=None)
 
 
 @contextmanager
@@ -116,11 +109,10 @@ def light_heard(bus: Bus, tap_file: Path, system_id: int, clock: Clock) -> Itera
 
     def take_exposure(sample: Sample) -> None:
         state = _EXPOSURE.validate_json(sample.payload)
-        heard.asked.append(Asked(state.stamp_s, state.ev_wanted))
+        heard.asked.append(TimedEv(state.stamp_s, state.ev_wanted))
 
     def listen() -> None:
-        for at_s, ev in _orders(tap_file, system_id, clock, stop):
-            heard.ordered.append(Ordered(at_s, ev))
+        heard.ordered.extend(_orders(tap_file, system_id, clock, stop))
 
     ends = [bus.follow(Key.FRAME, take_frame), bus.follow(Key.EXPOSURE, take_exposure)]
     thread = threading.Thread(target=listen, name="light-heard", daemon=True)
@@ -136,8 +128,8 @@ def light_heard(bus: Bus, tap_file: Path, system_id: int, clock: Clock) -> Itera
 
 def _orders(
     tap_file: Path, system_id: int, clock: Clock, stop: threading.Event
-) -> Iterator[tuple[float, float]]:
-    """Yield time and EV of every command that leaves."""
+) -> Iterator[TimedEv]:
+    """Yield every command that leaves."""
     writer = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=_LOG_COMPONENT)
     beat = mavlink.MAVLink_heartbeat_message(
         _LOG_TYPE, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
@@ -157,7 +149,7 @@ def _orders(
             for frame in frames(data):
                 ev = ordered_ev(frame)
                 if ev is not None:
-                    yield at_s, ev
+                    yield TimedEv(at_s, ev)
 
 
 def ordered_ev(frame: bytes) -> float | None:

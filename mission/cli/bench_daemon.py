@@ -26,7 +26,8 @@ def daemon(
     fly: Annotated[bool, typer.Option(help="Start a mission too (minutes).")] = True,
     track: Annotated[bool, typer.Option(help="Fly on as far as along a blade.")] = True,
     light: Annotated[
-        bool, typer.Option(help="Along a blade, time exposure commands as the light changes.")
+        bool,
+        typer.Option(help="Along a blade alone, time exposure commands as the light changes."),
     ] = False,
     threads: Annotated[bool, typer.Option(help="Show the threads that cost most.")] = False,
     as_json: AsJson = False,
@@ -66,7 +67,8 @@ def daemon(
         sys.stdout.write(json.dumps(answer) + "\n")
         return
     out = Console(highlight=False, width=None if sys.stdout.isatty() else 100)
-    out.print(_table(found, f"The daemon, {seconds:g} s a stage, seed {seed}, {now}"))
+    if found.stages:
+        out.print(_table(found, f"The daemon, {seconds:g} s a stage, seed {seed}, {now}"))
     out.print(
         f"ready after {found.ready_s:.1f} s (goal 5 s), {found.ready_cpu_s:.1f} s of CPU time; "
         f"{here.cpu}; load {here.load_1_min:.1f} (1 min) before",
@@ -81,6 +83,8 @@ def daemon(
             f"{flooded.p50:.0f} / {flooded.p99:.0f} / {flooded.most:.0f} ms",
             soft_wrap=True,
         )
+    if light and found.light is None:
+        out.print("no exposure command was heard along a blade", soft_wrap=True)
     if found.light is not None:
         lag = found.light
         out.print(

@@ -5,7 +5,7 @@ import struct
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
-from benchmarks.daemon_light import Asked, LightHeard, LightLag, Ordered, ordered_ev
+from benchmarks.daemon_light import LightHeard, LightLag, TimedEv, ordered_ev
 
 
 def parameter(name, value):
@@ -17,8 +17,8 @@ def parameter(name, value):
 def heard(asked, ordered):
     """``asked``: when a picture was decoded, 60 ms after it was taken, and the EV asked for."""
     decoded_s = {at_s - 0.06: at_s for at_s, _ in asked}
-    wishes = [Asked(at_s - 0.06, ev) for at_s, ev in asked]
-    return LightHeard(decoded_s, wishes, [Ordered(*one) for one in ordered])
+    wishes = [TimedEv(at_s - 0.06, ev) for at_s, ev in asked]
+    return LightHeard(decoded_s, wishes, [TimedEv(*one) for one in ordered])
 
 
 def test_the_ev_of_a_command_is_read_from_its_bytes():
