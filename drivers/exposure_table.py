@@ -18,7 +18,7 @@ USUAL_STEPS_EV = (1 / 3, 1 / 2, 1.0)
 #: An EV read back is what was asked for within this.
 SAME_EV = 0.02
 #: Two pairs nearer than this are one exposure.
-_SAME_EV = 0.05
+_ONE_EXPOSURE_EV = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +111,7 @@ def table_of_pairs(
     )
     chosen: list[tuple[float, float, float, float]] = []
     for pair in pairs:
-        if chosen and pair[0] - chosen[-1][0] < _SAME_EV:
+        if chosen and pair[0] - chosen[-1][0] < _ONE_EXPOSURE_EV:
             # Too long a shutter is worse than gain, gain worse than a longer one still allowed.
             chosen[-1] = min(chosen[-1], pair, key=lambda one: one[1:3])
         else:

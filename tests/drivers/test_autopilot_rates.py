@@ -54,7 +54,7 @@ class Vehicle:
 
 @contextlib.asynccontextmanager
 async def keeping(vehicle: Vehicle) -> AsyncIterator[MessageRates]:
-    rates = MessageRates(vehicle, lambda: vehicle.heard, POSITION_HZ)  # type: ignore[arg-type]
+    rates = MessageRates(vehicle, lambda: vehicle.heard, POSITION_HZ)  # type: ignore[arg-type]  # asked as a Wire is
     task = asyncio.create_task(rates.keep())
     try:
         yield rates
