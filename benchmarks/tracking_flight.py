@@ -8,6 +8,7 @@ shutter as the settings have it.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -25,6 +26,7 @@ from drivers.simulated.rotor_frame import blade_names
 from mission.flight.command import Action, Command, MissionState, Phase
 from mission.flight.events import EventRecord
 from mission.flight.guard import Guard, GuardedCommand
+from mission.flight.leg import Leg
 from mission.flight.machine import Machine
 from mission.flight.observation import (
     CameraState,
@@ -36,6 +38,7 @@ from mission.flight.observation import (
     RequestKind,
     Vehicle,
 )
+from perception.values import Float
 
 FLIGHT_TICK_S = 0.05
 SCAN_S = 0.1
@@ -64,7 +67,7 @@ class Sample:
     blade: str
     side: str
     wanted_m: float
-    """Distance from the blade's axis that the plan wants here."""
+    """Distance from the blade's axis, square to it, that the plan wants here."""
     distance_m: float
     """True distance from the deflected axis."""
     gust_mps: float
@@ -300,13 +303,30 @@ class TrackingFlight:
         place = np.asarray(self.aircraft.body.position_w)
         blade = self.senses.blades[task.blade]
         metre, point = blade.beside(place)
+        believed = np.asarray(self.aircraft.telemetry.position_l)
         legs = [leg for leg in plan.legs if (leg.blade, leg.side) == (task.blade, task.side)]
-        leg = min(legs, key=lambda one: abs(one.distance_at(metre) - (progress.distance_m or 0.0)))
+        leg = min(legs, key=lambda one: float(np.linalg.norm(_placed(one, metre) - believed)))
         sample = Sample(
-            self.now_s, leg.blade, leg.side, leg.distance_at(metre),
+            self.now_s, leg.blade, leg.side, wanted_square_m(leg, metre),
             float(np.linalg.norm(place - point)), self.aircraft.wind.gust_at(self.now_s),
         )  # fmt: skip
         self.flown.samples.append(sample)
+
+
+def _looked_at(leg: Leg, beside_m: float) -> float:
+    """Return the metre that a leg looks at from beside a metre: a leaning view looks elsewhere."""
+    return beside_m - float(leg.view_w @ leg.axis_w) * leg.distance_at(beside_m)
+
+
+def _placed(leg: Leg, beside_m: float) -> Float:
+    """Return where a leg has the vehicle (3,) beside a metre."""
+    return leg.position(_looked_at(leg, beside_m))
+
+
+def wanted_square_m(leg: Leg, beside_m: float) -> float:
+    """Return how far from the axis, square to it, a leg has the vehicle beside a metre."""
+    lean = float(leg.view_w @ leg.axis_w)
+    return leg.distance_at(_looked_at(leg, beside_m)) * math.sqrt(1.0 - lean * lean)
 
 
 def _yaw(quaternion: tuple[float, float, float, float]) -> float:

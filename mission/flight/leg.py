@@ -72,9 +72,13 @@ class Leg:
         """Return where the vehicle is (3,) when it looks at a metre."""
         return self.foot(metre) + self.centre(metre) + self.distance_at(metre) * self.view_w
 
+    def beside(self, position_w: Float) -> float:
+        """Return the metre that a position (3,) lies beside."""
+        return float((position_w - self.root_w) @ self.axis_w)
+
     def metre_of(self, position_w: Float) -> float:
         """Return the metre that a vehicle at a position (3,) looks at."""
-        along = float((position_w - self.root_w) @ self.axis_w)
+        along = self.beside(position_w)
         first, last = self._along_m[0], self._along_m[-1]
         inside = float(np.interp(along, self._along_m, self.grid_m))
         return inside + min(0.0, along - float(first)) + max(0.0, along - float(last))

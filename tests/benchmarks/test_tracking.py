@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.tracking import Mission, rows
-from benchmarks.tracking_flight import TrackingFlight, caster_of
+from benchmarks.tracking_flight import TrackingFlight, caster_of, wanted_square_m
 from benchmarks.tracking_judge import SideFigures, judge
 from benchmarks.tracking_trials import MODELS, draw_trial
 from config.inspection import Inspection
@@ -55,6 +55,18 @@ def small():
     caster = caster_of(trial)
     flight = TrackingFlight(trial, caster, blades=("A",), sides=("PS",))
     return trial, caster, flight.run(), flight
+
+
+def test_what_is_wanted_of_a_leaning_view_is_its_distance_square_to_the_blade(small):
+    leg = small[3].machine.plan.legs[0]
+    for lean_deg in (-25.0, 0.0, 25.0):
+        lean = np.deg2rad(lean_deg)
+        view = np.cos(lean) * leg.view_w + np.sin(lean) * leg.axis_w
+        leaning = dataclasses.replace(leg, view_w=view)
+        arm = leaning.position(6.0) - leg.root_w - leg.centre(6.0)
+        beside_m = float(arm @ leg.axis_w)
+        square_m = float(np.linalg.norm(arm - beside_m * leg.axis_w))
+        assert wanted_square_m(leaning, beside_m) == pytest.approx(square_m, abs=0.15)
 
 
 def test_a_mission_is_flown_whole_and_keeps_its_clearance(small):

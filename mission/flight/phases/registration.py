@@ -142,7 +142,8 @@ class Registration:
                 self._begun = False
             step_s = min(track.stamp_s - self._stamp_s, 0.3)
             self._stamp_s = track.stamp_s
-            metre = leg.metre_of(flight.here_w - self.shift_w)
+            # The foot lies beside the vehicle, wherever a leaning view looks.
+            metre = leg.beside(flight.here_w - self.shift_w)
             # What of the offset is the blade's own form is in the plan.
             offset = np.array(track.offset_w) - leg.centre(metre)
             size = float(np.linalg.norm(offset))
