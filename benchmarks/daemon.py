@@ -111,7 +111,9 @@ def rig(seed: int, speed: float, *, changing_light: bool = False) -> Iterator[Ri
     """Bring up field, stream and daemon."""
     overrides = [f"simulation.seed={seed}", f"simulation.speed={speed}", "simulation.sensors=wire"]
     settings = on_loopback(load_settings([scenario_path("demo")], overrides=overrides))
-    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+    # On a loaded machine a process may still write while it leaves.
+    leaving = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
+    with leaving as folder, ExitStack() as stack:
         world_dir, serve_dir = Path(folder) / "field", Path(folder) / "serve"
         world_dir.mkdir()
         serve_dir.mkdir()
@@ -168,11 +170,11 @@ def measure(
         if fly or light:
             newest = _start(up)
             tell("on the way up")
-            if not light and _reached(up, newest, Phase.ASCEND):
+            if not light and reached(up, newest, Phase.ASCEND):
                 stages.append(_stage(up, "ascent", seconds, 120.0, 1200.0))
                 flooded = _flood(up, seconds, speed)
             tell("on the way to a blade: one to three minutes")
-            if (track or light) and _reached(up, newest, Phase.TRACK):
+            if (track or light) and reached(up, newest, Phase.TRACK):
                 tell("along a blade")
                 with _light(up) if light else nullcontext() as heard:
                     stages.append(_stage(up, "along a blade", seconds, 120.0, 1200.0))
@@ -250,15 +252,15 @@ def _light(up: Rig) -> AbstractContextManager[LightHeard]:
     return light_heard(up.bus, tap, up.settings.autopilot.system_id, up.clock)
 
 
-def _reached(up: Rig, newest: list[StateMessage], phase: Phase) -> bool:
-    """Wait for a phase; False where the mission ended before, or did not come to it."""
+def reached(up: Rig, newest: list[StateMessage], phase: Phase) -> bool:
+    """Wait for a phase; False where the mission ended before, turned back or did not come to it."""
     deadline_s = up.clock.now_s() + _FLIGHT_S
     while up.clock.now_s() < deadline_s:
         up.daemon.check()
         progress = newest[-1].progress if newest else None
         if progress is not None and progress.phase is phase:
             return True
-        if progress is not None and progress.state in TERMINAL:
+        if progress is not None and (progress.state in TERMINAL or progress.phase is Phase.RETURN):
             return False
         time.sleep(0.1)
     return False

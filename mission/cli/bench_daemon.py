@@ -84,7 +84,9 @@ def daemon(
             soft_wrap=True,
         )
     if light and found.light is None:
-        out.print("no exposure command was heard along a blade", soft_wrap=True)
+        words = "the flight turned back before a blade: at speed 1 it wants the machine to itself"
+        heard = "no exposure command was heard along a blade"
+        out.print(heard if found.stages else words, soft_wrap=True)
     if found.light is not None:
         lag = found.light
         out.print(

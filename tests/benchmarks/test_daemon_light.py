@@ -1,11 +1,14 @@
 """Which picture an exposure command on the wire belongs to."""
 
 import struct
+from types import SimpleNamespace
 
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
+from benchmarks.daemon import reached
 from benchmarks.daemon_light import LightHeard, LightLag, TimedEv, ordered_ev
+from mission.flight.command import MissionState, Phase
 
 
 def parameter(name, value):
@@ -49,3 +52,19 @@ def test_a_command_said_again_and_one_of_nobody_count_nothing():
     assert heard([(1.0, 0.7)], [(1.05, 0.7), (1.6, 0.7)]).lags_ms() == [pytest.approx(50.0)]
     assert heard([(1.0, 0.7)], [(1.05, -0.3)]).lags_ms() == []
     assert LightLag.of([]) is None
+
+
+@pytest.mark.parametrize(
+    ("phase", "state", "there"),
+    [
+        (Phase.TRACK, MissionState.RUNNING, True),
+        (Phase.RETURN, MissionState.RUNNING, False),
+        (Phase.LANDED, MissionState.ENDED_SAFELY, False),
+    ],
+)
+def test_a_flight_that_turns_back_is_not_waited_for(phase, state, there):
+    up = SimpleNamespace(
+        clock=SimpleNamespace(now_s=lambda: 0.0), daemon=SimpleNamespace(check=lambda: None)
+    )
+    newest = [SimpleNamespace(progress=SimpleNamespace(phase=phase, state=state))]
+    assert reached(up, newest, Phase.TRACK) is there
