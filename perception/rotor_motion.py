@@ -35,7 +35,8 @@ PICTURE_GAP_S = 1.0
 #: Pictures of a run from which a rate is told.
 LEAST_PICTURES = 4
 RECENT_S = 5.0
-TOWER_SKIN_M = 0.7
+#: Position and heading wander: seen from afar the tower does not stand where it was measured.
+TOWER_SKIN_M = 2.0
 #: Rates below this are not told from the vehicle's own drift.
 SLOWEST_DPS = 0.4
 #: Pictures are compared within this turn; blades repeat every 120 deg.
@@ -103,8 +104,11 @@ class RotorMotionWatch:
     def _close(self) -> None:
         """End a picture, of the time when its scans were taken, and begin the next."""
         if int((self._picture > 0).sum()) >= MIN_CELLS:
-            # Roots of counts: near rings must not drown the far ones, which turn the most.
-            spectrum = np.fft.rfft(np.sqrt(self._picture), axis=1)
+            # Roots of counts, and by radius: near rings must not drown the far ones, which turn the
+            # most and are least turned by a wander of the position.
+            radii = INNER_M + RING_M * (np.arange(self._rings) + 0.5)
+            share = (radii / radii[-1])[:, None]
+            spectrum = np.fft.rfft(share * np.sqrt(self._picture), axis=1)
             taken_s = float(np.mean(self._stamps_s))
             self._pictures = [*self._pictures[-(WINDOWS - 1) :], (taken_s, spectrum)]
         self._picture = np.zeros((self._rings, ANGLES))

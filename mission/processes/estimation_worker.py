@@ -35,6 +35,9 @@ SIDE_MOVED_M = 3.0
 #: The vehicle stands still when it has moved by less over the poses kept (6 s).
 STEADY_M = 2.0
 QUICK_DPS = 2.0
+#: A slow turn counts when it is seen for so long without a break: a wander of the position by half
+#: a metre, seen from 50 m, looks like one for two seconds. Nothing is approached meanwhile.
+SLOW_SEEN_S = 4.0
 #: A rate that is found is no proof of a still rotor, however doubtful it is.
 STILL_DPS = 0.8
 
@@ -141,12 +144,12 @@ class EstimationWorker:
         if not len(places) or float(np.ptp(places, axis=0).max()) > STEADY_M:
             gathered.turning_s = float("inf")
             return None
-        # One look may err: a slow turn counts when it is seen again half a second later.
         if not motion.turning:
             gathered.turning_s = float("inf")
             return False if abs(motion.rate_dps) < STILL_DPS else None
         gathered.turning_s = min(gathered.turning_s, gathered.last_prior_s)
-        return True if gathered.last_prior_s > gathered.turning_s else None
+        seen_s = gathered.last_prior_s - gathered.turning_s
+        return True if seen_s >= SLOW_SEEN_S else None
 
     # --- the rotor ------------------------------------------------------------------------------
 

@@ -5,7 +5,10 @@ from perception.rotor_motion import RotorMotionWatch
 from perception.tower import Tower
 
 
-def watch(turbine, rate_dps, relative_deg, *, distance_m=35.0, seconds=4.0, pose_noise_m=0.03):
+def watch(
+    turbine, rate_dps, relative_deg, *, distance_m=35.0, seconds=4.0, pose_noise_m=0.03,
+    wander_w=0.0,
+):  # fmt: skip
     bearing = np.radians(turbine.upwind_deg + relative_deg)
     place = np.array([distance_m * np.cos(bearing), distance_m * np.sin(bearing), 50.0])
     t = turbine.turbine
@@ -22,7 +25,7 @@ def watch(turbine, rate_dps, relative_deg, *, distance_m=35.0, seconds=4.0, pose
         points, _ = turbine.scan(
             place, 0.2, seed=k, turn_deg=rate_dps * time_s, pose_noise_m=pose_noise_m
         )
-        motion.update(points, time_s)
+        motion.update(points + wander_w * time_s, time_s)
         found = motion.result()
         if found is not None and found.turning and noticed_s is None:
             noticed_s = time_s
@@ -45,6 +48,13 @@ def test_a_still_rotor_is_not_accused(synthetic_turbine, relative):
     found, noticed_s = watch(turbine, 0.0, relative, seconds=6.0)
     assert noticed_s is None
     assert abs(found.rate_dps) < 0.25
+
+
+def test_a_position_that_wanders_aside_is_at_most_a_slow_turn(synthetic_turbine):
+    turbine = synthetic_turbine(stop_angle_deg=27, pitch_deg=82, trees=False, spacing_m=0.2)
+    aside = np.cross(turbine.normal_w, [0.0, 0.0, 1.0])
+    found, _ = watch(turbine, 0.0, 0, distance_m=50.0, wander_w=0.17 * aside)
+    assert abs(found.rate_dps) < 0.45
 
 
 def test_without_points_nothing_is_known():
