@@ -193,7 +193,8 @@ class Estimate:
         way_in = np.stack([hub + outward * flight.clear_radius_m, here])
         flight.open_corridor([way_in, *(leg.line() for leg in found.legs)])
         flight.note("plan", f"{len(found.legs)} legs for {len(found.passes)} sides")
-        if not found.legs:
+        flown = any(book.photographed_m() > 0.0 for book in flight.ledger.sides.values())
+        if not found.legs and not flown:
             words = "no side can be flown: " + (
                 found.passes[0].unseen[0].reason if found.passes else "none was asked for"
             )

@@ -13,6 +13,7 @@ from config.presets import load_turbine
 from config.settings import Settings
 from config.turbine import Site
 from mission.flight.command import Action, MissionState, Phase
+from mission.flight.events import Event
 from mission.flight.observation import RequestKind
 
 FLYING = [
@@ -349,6 +350,23 @@ def test_a_rotor_that_moved_is_left_measured_again_and_finished(base):
     assert order[:5] == wanted
     assert flight.machine.state is MissionState.COMPLETED
     assert flown.min_clearance_m >= 8.0
+
+
+def test_a_rotor_that_moved_when_nearly_all_was_flown_ends_in_a_completed_mission(base):
+    kept, flown = base
+    flight = copy.deepcopy(kept[Phase.TRACK])
+    books = flight.machine._flight.ledger.sides
+
+    def shown():
+        return [b.photographed_m() >= 0.91 * b.planned.planned_m for b in books.values()]
+
+    while not all(shown()):
+        flight.one_tick(flown)
+    assert flight.machine.phase is Phase.TRACK
+    flight.machine._flight.raised.add(Event.ROTOR_MOVED)
+    later = flight.run(600.0)
+    assert Phase.ESTIMATE in later.phases
+    assert flight.machine.state is MissionState.COMPLETED
 
 
 def test_a_turning_rotor_is_never_approached():
