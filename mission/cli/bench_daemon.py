@@ -38,8 +38,8 @@ def daemon(
     from benchmarks.latency import machine
 
     here = machine()
-    with measuring("measuring"):
-        found = measure(seed, seconds, speed, fly=fly, track=track, light=light)
+    with measuring("measuring") as tell:
+        found = measure(seed, seconds, speed, fly=fly, track=track, light=light, tell=tell)
     now = datetime.now(UTC).isoformat(timespec="seconds")
     if as_json:
         answer = {

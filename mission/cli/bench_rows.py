@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -21,15 +21,18 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def measuring(words: str) -> Iterator[None]:
-    """Say meanwhile what is done; end where the daemon or the simulated drone does not go on."""
+def measuring(words: str) -> Iterator[Callable[[str], None]]:
+    """Say meanwhile what is done; end where the daemon or the simulated drone does not go on.
+
+    Yields what tells of the next step.
+    """
     from drivers.bus import BusUnreachable
     from mission.processes.simulation import SimulationFailed
     from mission.remote.client import NoReply
 
     try:
-        with Console(stderr=True).status(words):
-            yield
+        with Console(stderr=True).status(words) as status:
+            yield status.update
     except (SimulationFailed, BusUnreachable, NoReply) as error:
         end(Exit.DEVICE, str(error))
 
