@@ -305,7 +305,7 @@ class TrackingFlight:
         metre, point = blade.beside(place)
         believed = np.asarray(self.aircraft.telemetry.position_l)
         legs = [leg for leg in plan.legs if (leg.blade, leg.side) == (task.blade, task.side)]
-        leg = min(legs, key=lambda one: float(np.linalg.norm(_placed(one, metre) - believed)))
+        leg = min(legs, key=lambda one: _apart_m(one, metre, believed))
         sample = Sample(
             self.now_s, leg.blade, leg.side, wanted_square_m(leg, metre),
             float(np.linalg.norm(place - point)), self.aircraft.wind.gust_at(self.now_s),
@@ -313,20 +313,15 @@ class TrackingFlight:
         self.flown.samples.append(sample)
 
 
-def _looked_at(leg: Leg, beside_m: float) -> float:
-    """Return the metre that a leg looks at from beside a metre: a leaning view looks elsewhere."""
-    return beside_m - float(leg.view_w @ leg.axis_w) * leg.distance_at(beside_m)
-
-
-def _placed(leg: Leg, beside_m: float) -> Float:
-    """Return where a leg has the vehicle (3,) beside a metre."""
-    return leg.position(_looked_at(leg, beside_m))
+def _apart_m(leg: Leg, beside_m: float, place_w: Float) -> float:
+    """Return how far a place (3,) is from where a leg has the vehicle beside a metre."""
+    return float(np.linalg.norm(leg.position(leg.looked_at(beside_m)) - place_w))
 
 
 def wanted_square_m(leg: Leg, beside_m: float) -> float:
     """Return how far from the axis, square to it, a leg has the vehicle beside a metre."""
     lean = float(leg.view_w @ leg.axis_w)
-    return leg.distance_at(_looked_at(leg, beside_m)) * math.sqrt(1.0 - lean * lean)
+    return leg.distance_at(leg.looked_at(beside_m)) * math.sqrt(1.0 - lean * lean)
 
 
 def _yaw(quaternion: tuple[float, float, float, float]) -> float:

@@ -39,6 +39,12 @@ def whole_covariance(upper: tuple[float, ...]) -> Float:
     return whole
 
 
+def turned(heading_rad: float, levers: Float) -> Float:
+    """Return how far (..., 3) an error of the heading moves what lies at levers (..., 3)."""
+    aside = np.stack([-levers[..., 1], levers[..., 0], np.zeros(levers.shape[:-1])], axis=-1)
+    return np.asarray(heading_rad * aside, np.float64)
+
+
 class FrameDrift:
     """Kalman filter of d (3,); begins with d = 0 when the rotor was measured.
 

@@ -78,10 +78,13 @@ class Leg:
 
     def metre_of(self, position_w: Float) -> float:
         """Return the metre that a vehicle at a position (3,) looks at."""
-        along = self.beside(position_w)
-        first, last = self._along_m[0], self._along_m[-1]
-        inside = float(np.interp(along, self._along_m, self.grid_m))
-        return inside + min(0.0, along - float(first)) + max(0.0, along - float(last))
+        return self.looked_at(self.beside(position_w))
+
+    def looked_at(self, beside_m: float) -> float:
+        """Return the metre looked at from beside another: a leaning view looks elsewhere."""
+        first, last = float(self._along_m[0]), float(self._along_m[-1])
+        inside = float(np.interp(beside_m, self._along_m, self.grid_m))
+        return inside + min(0.0, beside_m - first) + max(0.0, beside_m - last)
 
     def line(self) -> Float:
         """Return the polyline (K, 3) from the first to the last photo."""

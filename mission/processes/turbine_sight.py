@@ -17,7 +17,7 @@ from config.turbine import Turbine
 from mission.flight.command import SensingTask
 from mission.flight.observation import TurbineSeen, Vec3
 from mission.flight.rotor_model import MeasuredBlade, rotor_model
-from perception.frame_drift import FrameDrift
+from perception.frame_drift import FrameDrift, turned
 from perception.geometry import vec3
 from perception.turbine_sighting import TurbineSolid, near_turbine, sight_turbine
 from perception.values import Float
@@ -84,9 +84,8 @@ class TurbineSight:
         if self._drift is None:
             return np.zeros_like(places_w)
         heading_rad, _ = self._drift.heading(stamp_s)
-        lever = places_w - position_w
-        turned = np.stack([-lever[:, 1], lever[:, 0], np.zeros(len(lever))], axis=1)
-        return np.asarray(self._drift.at(stamp_s)[0] + heading_rad * turned, np.float64)
+        drift_w, _ = self._drift.at(stamp_s)
+        return drift_w + turned(heading_rad, places_w - position_w)
 
     def _known(self, task: SensingTask, turbine: Turbine) -> bool:
         """Return whether a task tells a measured rotor; take it where it is another one."""

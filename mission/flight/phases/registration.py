@@ -16,7 +16,7 @@ import numpy as np
 from mission.flight.flight import Flight
 from mission.flight.leg import Leg
 from mission.flight.phases.live_offset import LiveOffset
-from perception.frame_drift import SIGHTED_S, FrameDrift
+from perception.frame_drift import SIGHTED_S, FrameDrift, turned
 from perception.values import Float
 
 FRESH_S = 0.5
@@ -126,8 +126,7 @@ class Registration:
             return self.drift_w
         heading_rad, _ = self._filter.heading(flight.now_s)
         lever = -leg.distance_at(leg.metre_of(flight.here_w - self.shift_w)) * leg.view_w
-        turned = heading_rad * np.array([-lever[1], lever[0], 0.0])
-        return np.asarray(self.drift_w + turned, np.float64)
+        return self.drift_w + turned(heading_rad, lever)
 
     def update(self, flight: Flight, leg: Leg) -> Float:
         """Take the newest track and clearance; return the shift."""

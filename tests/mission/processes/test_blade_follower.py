@@ -26,6 +26,13 @@ def skin():
     return np.stack([along, 0.5 * np.sin(round_rad), 0.4 + 0.5 * np.cos(round_rad)], axis=1)
 
 
+def chord_and_axis(turbine, metres):
+    """Return a type's chord (m) and where along it the pitch axis lies, at metres of the blade."""
+    shape = turbine.blade
+    columns = (shape.chord_m, shape.pitch_axis)
+    return [np.interp(metres / turbine.blade_length_m, shape.span, column) for column in columns]
+
+
 def test_the_blade_is_told_where_it_hangs(skin):
     track = BladeFollower({}).follow(TASK, skin, 1.0, HERE)
     assert track.blade == "A"
@@ -67,10 +74,7 @@ def test_a_blade_of_which_one_end_of_the_chord_is_out_of_view_is_laid_by_the_oth
     turbine = load_turbine("nrel-1.72-103")
     shape, draw = turbine.blade, np.random.default_rng(3)
     metres = draw.uniform(16.0, 28.0, 2500)
-    chord, ahead = (
-        np.interp(metres / turbine.blade_length_m, shape.span, column)
-        for column in (shape.chord_m, shape.pitch_axis)
-    )
+    chord, ahead = chord_and_axis(turbine, metres)
     hub, axis = np.array([0.0, 12.0, 80.0]), np.array([0.0, 0.0, 1.0])
     root = hub + turbine.hub_radius_m * axis
     twist = float(np.interp(22.0 / turbine.blade_length_m, shape.span, shape.twist_deg))
@@ -96,10 +100,7 @@ def test_a_blade_seen_aslant_hangs_where_it_does_whichever_end_of_the_chord_is_n
     turbine = load_turbine("nrel-1.72-103")
     shape, rng = turbine.blade, np.random.default_rng(2)
     metres = rng.uniform(16.0, 28.0, 2500)
-    chord, ahead = (
-        np.interp(metres / turbine.blade_length_m, shape.span, column)
-        for column in (shape.chord_m, shape.pitch_axis)
-    )
+    chord, ahead = chord_and_axis(turbine, metres)
     # Pitched by 45 deg: of the blade that is seen from the front, one end of the chord is nearer.
     along_chord = (ahead - rng.uniform(0.0, 1.0, 2500)) * chord
     lead = np.array([np.cos(np.pi / 4), -np.sin(np.pi / 4), 0.0])
