@@ -23,7 +23,7 @@ from drivers.simulated.position_control import Target
 from drivers.simulated.px4_modes import Landed, Mode, Result
 from drivers.simulated.raycaster import NO_TRIANGLE, Raycaster
 from drivers.simulated.rotor_frame import blade_names
-from mission.flight.command import Action, Command, MissionState, Phase
+from mission.flight.command import Action, Command, MissionState, Phase, PhotoCommand
 from mission.flight.events import EventRecord
 from mission.flight.guard import Guard, GuardedCommand
 from mission.flight.leg import Leg
@@ -45,6 +45,8 @@ SCAN_S = 0.1
 #: A pack with less than this is changed in the air: split flights are counted, not flown.
 CHANGE_PACK_AT = 0.42
 NEAR_EVERY = 10
+#: A photo aimed farther beside the blade's middle than this is one of several rows.
+ASIDE_M = 0.1
 TERMINAL = frozenset(MissionState) - {
     MissionState.IDLE,
     MissionState.RUNNING,
@@ -89,6 +91,8 @@ class Flown:
     packs: int = 1
     rejected: int = 0
     wind_max_mps: float = 0.0
+    in_rows: set[int] = field(default_factory=set)
+    """Photos aimed beside the blade's middle on purpose: the blade is wider than the picture."""
 
 
 class TrackingFlight:
@@ -271,6 +275,8 @@ class TrackingFlight:
             self.payload.aim(command.gimbal)
         if command.photo is not None:
             self.payload.shoot(command.photo, self.now_s)
+            if self._aimed_aside(command.photo):
+                self.flown.in_rows.add(command.photo.photo_id)
         self.senses.task(command.sensing, self.now_s)
         if command.action is not None:
             self._act(command.action, command.takeoff_height_m)
@@ -293,6 +299,15 @@ class TrackingFlight:
             result = commander.set_mode(modes[action], now)
         if result is not Result.ACCEPTED:
             self._refused = f"{action}: {result.name}"
+
+    def _aimed_aside(self, photo: PhotoCommand) -> bool:
+        """Tell by the plan of the moment: one made after a battery's change lists what is left."""
+        legs = () if self.machine.plan is None else self.machine.plan.legs
+        return any(
+            float(np.linalg.norm(leg.aside(photo.metre))) > ASIDE_M
+            for leg in legs
+            if (leg.blade, leg.side) == (photo.blade, photo.side)
+        )
 
     def _sample(self, command: Command) -> None:
         """Note the true distance while a pass is flown."""

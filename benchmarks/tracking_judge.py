@@ -25,7 +25,6 @@ from drivers.simulated.stills import StillTruth, motion_blur_px
 from mission.flight.ledger import PhotoStatus
 from perception.values import CameraPose, Float
 
-ASIDE_M = 0.1
 #: Half of the blade's length about the optical axis that its middle is taken from.
 _ABOUT_M = 0.6
 
@@ -85,7 +84,7 @@ def judge(trial: Trial, flown: Flown, caster: Raycaster) -> Judged:
     photos = []
     for still, truth in zip(flown.stills, truths, strict=True):
         name = still.command.blade
-        rows = _in_rows(flown, still)
+        rows = still.command.photo_id in flown.in_rows
         photos.append(_photo(trial, still, truth, blades[name], outlines[name], rows))
     return Judged(tuple(photos), tuple(_sides(trial, flown, caster, truths)))
 
@@ -225,16 +224,6 @@ def _photo(
         distance_m=float(np.linalg.norm(point - still.eye_w)),
         again=still.command.repeated,
         in_rows=in_rows,
-    )
-
-
-def _in_rows(flown: Flown, still: Still) -> bool:
-    plan, command = flown.machine.plan, still.command
-    legs = () if plan is None else plan.legs
-    return any(
-        float(np.linalg.norm(leg.aside(command.metre))) > ASIDE_M
-        for leg in legs
-        if (leg.blade, leg.side) == (command.blade, command.side)
     )
 
 
