@@ -260,23 +260,23 @@ class Guard:
             return setpoint, False
         lead = np.array(setpoint.position_w) - here
         fed = np.array(setpoint.velocity_w)
-        asked = near.units @ (0.95 * lead + fed)
         flown = near.units @ velocity
         allowed = allowed_closing_mps(near.distances, self._bounds.min_clearance_m)
         # The vehicle's own speed lags what was asked for: only a real excess is an excess.
         if bool((flown > allowed + 0.3).any()):
             return setpoint, True
-        if not (asked > allowed + 1e-6).any():
+        slid, slid_fed = _without_closing(lead, fed, near.units, allowed)
+        if slid is lead:
             return setpoint, False
-        lead, fed = _without_closing(lead, fed, near.units, allowed)
-        return Setpoint(vec3(here + lead), vec3(fed), setpoint.yaw_rad), False
+        return Setpoint(vec3(here + slid), vec3(slid_fed), setpoint.yaw_rad), False
 
 
 def _without_closing(lead: Float, fed: Float, units: Float, allowed: Float) -> tuple[Float, Float]:
     """Return lead and velocity without what closes on anything faster than allowed.
 
-    Only the part towards the obstacle is taken away, so that the vehicle slides along it; where
-    several hem it in, all of the motion is scaled down.
+    What closes on nothing too fast comes back as it is: the very arrays. Else only the part towards
+    the obstacle is taken away, so that the vehicle slides along it; where several hem it in, all of
+    the motion is scaled down.
     """
     slid, slid_fed = lead, fed
     for _ in range(6):
@@ -345,8 +345,7 @@ class _Near:
 
         Moving by x brings nothing nearer by more than x: mostly that settles it.
         """
-        reach = float(np.linalg.norm(_rest(setpoint) - self._here))
-        reach = max(reach, float(np.linalg.norm(np.array(setpoint.position_w) - self._here)))
+        reach = float(np.linalg.norm(_way(setpoint) - self._here, axis=1).max())
         if self.nearest_m - reach >= clearance_m:
             return True
         return self.path_clearance(setpoint) >= clearance_m

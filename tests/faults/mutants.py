@@ -35,6 +35,7 @@ MODULE = "mission.flight.guard"
 FILE = ROOT / "mission/flight/guard.py"
 TESTS = (
     "tests/mission/flight/test_guard_bounds.py",
+    "tests/mission/flight/test_guard_ways.py",
     "tests/mission/flight/test_guard.py",
 )
 OUT = Path(__file__).parent / "mutants.json"
@@ -116,7 +117,7 @@ def mutants(source: str) -> Iterator[tuple[str, str]]:
     """Yield (what was changed, the mutated source)."""
     lines, tree = source.splitlines(), ast.parse(source)
     for index, node in enumerate(list(_places(tree))):
-        for k, (attribute, value) in enumerate(_changes(node)):
+        for k, (attribute, _) in enumerate(_changes(node)):
             changed = copy.deepcopy(tree)
             target = list(_places(changed))[index]
             new = list(_changes(target))[k][1]
@@ -124,21 +125,17 @@ def mutants(source: str) -> Iterator[tuple[str, str]]:
             mutated = ast.unparse(ast.fix_missing_locations(changed))
             if mutated == ast.unparse(tree):
                 continue
-            line = getattr(node, "lineno", 0)
-            shown = _shown(value)
+            line, shown = getattr(node, "lineno", 0), _shown(target)
             yield f"{line}: {lines[line - 1].strip()} -> {shown}", mutated
 
 
-def _shown(value: object) -> str:
-    if isinstance(value, list):
-        return " ".join(_shown(part) for part in value)
-    if isinstance(value, ast.UnaryOp):
-        return ast.unparse(value)
-    if isinstance(value, ast.expr):
-        return ast.unparse(value)
-    if isinstance(value, ast.AST):
-        return type(value).__name__
-    return repr(value)
+def _shown(changed: ast.AST) -> str:
+    """Return what became of a node: an expression, of an `if` its condition."""
+    if isinstance(changed, ast.If | ast.IfExp):
+        return ast.unparse(changed.test)
+    if isinstance(changed, ast.Constant) and isinstance(changed.value, float):
+        return f"{changed.value:.9g}"
+    return ast.unparse(changed)
 
 
 class _Branches(ast.NodeTransformer):
