@@ -153,7 +153,7 @@ def test_the_way_out_is_away_from_where_the_model_has_drifted_to():
     assert sent.position_w == pytest.approx((-way, -way, 50.0))
 
 
-@pytest.mark.parametrize(("moves_mm", "is_a_move"), [(0.95, False), (1.05, True)])
+@pytest.mark.parametrize(("moves_mm", "is_a_move"), [(0.95, False), (1.0, True)])
 def test_a_move_of_less_than_a_millimetre_is_no_way_out(moves_mm, is_a_move):
     guarded = check(command((-moves_mm / 1e3, 0.0, 50.0)), surroundings=ahead(6.0))
     assert guarded.refused is not is_a_move
