@@ -106,9 +106,14 @@ def _guard() -> str:
     if not MUTANTS.exists():
         return "\n".join([*lines, "Not mutation-tested yet (`make mutants`).", ""])
     kept = json.loads(MUTANTS.read_text())
+    drawn = (
+        "all that there are"
+        if kept["tried"] == kept["mutants"]
+        else f"drawn at random from all {kept['mutants']}"
+    )
     lines.append(
         f"{kept['killed']} of {kept['tried']} mutants of `mission/flight/guard.py` are found by "
-        f"its tests (drawn at random from all {kept['mutants']}); branches covered: "
+        f"its tests ({drawn}); branches covered: "
         f"{kept['branches']} ({kept['date']}, `make mutants`). Those that survive, and why that is "
         "no gap:\n"
     )

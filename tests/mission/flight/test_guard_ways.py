@@ -23,7 +23,6 @@ from tests.mission.flight.test_guard_bounds import (
     RADIUS,
     SETTINGS,
     SPHERE,
-    E,
     ahead,
     airspace,
     around,
@@ -75,22 +74,22 @@ def test_a_way_that_is_too_near_in_its_middle_alone_is_not_clear(clearance, clea
 
 
 @pytest.mark.parametrize("by_model", [False, True])
-@pytest.mark.parametrize(("clearance", "clear"), [(8.7, False), (9.1, True)])
-@pytest.mark.parametrize("west_m", [0.0, 0.3])
+@pytest.mark.parametrize(("clearance", "clear"), [(8.8, False), (9.1, True)])
+@pytest.mark.parametrize("behind_m", [0.0, 0.3])
+@pytest.mark.parametrize("heading_rad", [0.0, math.pi / 4])
 def test_a_place_too_near_is_not_asked_for_with_a_speed_that_leads_back(
-    clearance, clear, by_model, west_m
+    clearance, clear, by_model, behind_m, heading_rad
 ):
     # Lead and speed cancel, so nothing closes; the place is passed all the same. Beside the
     # world's origin too, where a place and its way are as small as their difference.
-    here, home = (-west_m, 0.0, 0.0), (0.0, 0.0, -50.0)
-    back = (-0.9 / REST_S, 0.0, 0.0)
-    middle = (clearance + RADIUS - west_m, 0.0, 0.0)
+    way, home = np.array([math.cos(heading_rad), math.sin(heading_rad), 0.0]), (0.0, 0.0, -50.0)
+    here, back = tuple(-behind_m * way), tuple(-0.9 / REST_S * way)
     if by_model:
-        space = airspace(home_w=home, model=Ball((middle[0] - RADIUS + AIRFRAME + 2, 0, 0), 2.0))
-        points = around()
+        ball = Ball((clearance + AIRFRAME + 2.0 - behind_m) * way, 2.0)
+        space, points = airspace(home_w=home, model=ball), around()
     else:
-        space, points = airspace(home_w=home), around(middle)
-    asked = command((0.9 - west_m, 0.0, 0.0), back)
+        space, points = airspace(home_w=home), around((clearance + RADIUS - behind_m) * way)
+    asked = command((0.9 - behind_m) * way, back)
     guarded = check(asked, observe(here), points, space, flying(back))
     assert guarded.clearance_m == pytest.approx(clearance)
     assert passes(guarded) is clear
@@ -250,7 +249,7 @@ def test_staying_where_one_is_breaks_no_bound():
 
 
 def test_one_near_place_of_the_corridors_is_enough():
-    corridor = np.array([[0.3, CORRIDOR_M - E, 50.0], [0.3, 90.0, 50.0]])
+    corridor = np.array([[0.3, CORRIDOR_M, 50.0], [0.3, 90.0, 50.0]])
     space = airspace(**SPHERE, open=True, corridor_w=corridor)
     assert passes(check(command((0.3, 0.0, 50.0)), space=space))
 
