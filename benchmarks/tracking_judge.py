@@ -64,8 +64,8 @@ class SideFigures:
     own: float
     """What the flight says of the whole side."""
     planned: float
-    fine: float
-    """Share of the covered skin at 1.0 mm/px or better."""
+    fine: float | None
+    """Share of the covered skin at 1.0 mm/px or better; None where none is covered."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +143,7 @@ def _sides(
                 reachable_share=float(can.mean()),
                 own=0.0 if own is None or own.coverage is None else own.coverage,
                 planned=0.0 if own is None else own.planned_m / own.length_m,
-                fine=float((gsd_mm[seen] <= 1.0).mean()) if seen.any() else math.nan,
+                fine=float((gsd_mm[seen] <= 1.0).mean()) if seen.any() else None,
             )
         )
     return sorted(figures, key=lambda one: (one.blade, one.side))

@@ -7,7 +7,8 @@ import pytest
 
 from benchmarks.tracking import Mission, rows
 from benchmarks.tracking_flight import TrackingFlight, caster_of, wanted_square_m
-from benchmarks.tracking_judge import SideFigures, judge
+from benchmarks.tracking_judge import PhotoFigures, SideFigures, judge
+from benchmarks.tracking_kept import keep_missions, read_missions
 from benchmarks.tracking_trials import MODELS, draw_trial
 from config.inspection import Inspection
 from config.simulation import Simulation, TruthDraws, Wind
@@ -100,16 +101,50 @@ def test_what_the_lidar_tells_lies_on_the_true_turbine(small):
         assert np.median(off) < 1.0
 
 
-def test_the_rows_compare_with_their_goals():
+@pytest.fixture
+def flown_once():
     side = SideFigures("A", "PS", 0.97, 0.99, 1.0, 0.98, 1.0, 0.96)
-    mission = Mission(
-        number=0, model="x", wind="5 m/s", profile="rtk", straight=True, blade_m=40.0,
+    bare = SideFigures("A", "SS", 0.0, 0.0, 1.0, 0.0, 1.0, None)
+    photo = PhotoFigures("A", "PS", 3.0, None, 0.01, 0.3, 0.2, 12.0, again=False, in_rows=True)
+    return Mission(
+        number=4, model="x", wind="5 m/s", profile="rtk", straight=True, blade_m=40.0,
         stop_angle_deg=0.0, pitch_deg=2.0, state="completed", words="", minutes=15.0, packs=1,
-        cpu_s=10.0, least_clearance_m=7.5, least_in="", rejected=0, photos=(), sides=(side,),
-        errors_m=(0.1, -0.1, 1.2), wanted_m=(12.0, 12.0, 12.0), settled_s=None, events={},
+        cpu_s=10.0, least_clearance_m=7.5, least_in="", rejected=0, photos=(photo,),
+        sides=(side, bare), errors_m=(0.1, -0.1, 1.2), wanted_m=(12.0, 12.0, 12.0),
+        settled_s=None, events={"end": 1},
     )  # fmt: skip
-    by_name = {row.name: row for row in rows([mission])}
+
+
+def test_the_rows_compare_with_their_goals(flown_once):
+    by_name = {row.name: row for row in rows([flown_once])}
     assert by_name["least true clearance, m"].met is False
-    assert by_name["coverage PS, whole, mean"].met is True
+    assert by_name["coverage PS, whole, mean of the completed"].met is True
+    assert by_name["covered area at <= 1.0 mm/px"].value == 0.96
     assert by_name["within 11-13 m of a wanted 12, 5 m/s"].value == pytest.approx(2 / 3)
     assert by_name["times real time, one core"].value == pytest.approx(90.0)
+
+
+def test_a_mission_that_was_ended_does_not_count_for_how_well_sides_are_seen(flown_once):
+    side = SideFigures("A", "PS", 0.2, 0.2, 1.0, 0.2, 1.0, 0.96)
+    ended = dataclasses.replace(flown_once, state="ended_safely", sides=(side,))
+    by_name = {row.name: row for row in rows([flown_once, ended])}
+    assert by_name["coverage PS, whole, mean of the completed"].value == 0.97
+    assert by_name["completed, share"].value == 0.5
+
+
+def test_what_is_kept_of_a_seed_is_read_again_and_a_line_cut_short_is_flown_again(
+    flown_once, tmp_path
+):
+    kept = tmp_path / "bench" / "kept.jsonl"
+    assert read_missions(kept, 7) == {}
+    assert list(keep_missions(kept, 7, [flown_once])) == [flown_once]
+    list(keep_missions(kept, 8, [dataclasses.replace(flown_once, number=5)]))
+    whole = kept.read_bytes()
+    kept.write_bytes(whole + whole[:200])
+    assert read_missions(kept, 7) == {4: flown_once}
+    six = dataclasses.replace(flown_once, number=6)
+    list(keep_missions(kept, 7, [six]))
+    assert read_missions(kept, 7) == {4: flown_once, 6: six}
+    kept.write_text("not a mission\n")
+    with pytest.raises(ValueError, match="JSON"):
+        read_missions(kept, 7)
