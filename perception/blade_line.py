@@ -10,7 +10,7 @@ axis: the line of the surface and the estimate of the axis are both given.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,9 @@ EDGE_REACH_M, EDGE_SHARE = 3.0, 0.1
 SLANTED, EDGE_ON = 0.3, 2.6
 #: Of the width that the model shows from here, less than this was not all in view.
 WHOLE_WIDTH = 0.8
-#: The middle is taken between these quantiles of what is seen across the blade.
+#: The middle is taken of what lies so near to the foot each way, where there is enough of it, and
+#: between these quantiles of what is seen across the blade.
+BESIDE_M = 2.0
 EXTENT = (0.03, 0.97)
 #: Of a section's greatest half thickness, what its skin has on average over the chord.
 MEAN_THICKNESS = 0.7
@@ -53,6 +55,8 @@ class SectionDepth:
     trailing_w: Float | None = None
     round_m: Float | None = None
     """(S,) radius of the edge beyond the chord's end."""
+    bend_w: Float | None = None
+    """(S, 3) from the straight axis to where a bent blade has its own: for the lateral middle."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -135,9 +139,8 @@ def fit_blade_line(
     slope, at_foot, residual_m = line
     if depth is not None and depth.edge:
         at_foot = np.array([at_foot[0], _near_skin(local, beside, slope, at_foot, inlier_m)])
-    lateral, width = _middle(local, beside, slope[0], _shown(side, beside, depth))
-    if lateral is not None:
-        at_foot = np.array([lateral, at_foot[1]])
+    lateral, width = _middle(local, beside, side, depth)
+    at_foot = np.array([lateral, at_foot[1]])
 
     direction = axis + slope[0] * side + slope[1] * view
     direction /= np.linalg.norm(direction)
@@ -205,8 +208,8 @@ def _slanted(
     if not SLANTED < turned < EDGE_ON:
         return None
     # The blade hangs beside its model: its chord is laid on the middle of what is seen of it.
-    middle, _ = _middle(local, beside, 0.0, _shown(side, beside, depth))
-    moved = (middle or 0.0) - 0.5 * (at[0] + at[1])
+    middle, _ = _middle(local, beside, side, replace(depth, bend_w=None))
+    moved = middle - 0.5 * (at[0] + at[1])
     wide = np.where(np.abs(aside[1] - aside[0]) < 1e-3, 1e-3, aside[1] - aside[0])
     share = np.clip((local[:, 1] - moved - aside[0]) / wide, 0.0, 1.0)
     thick = MEAN_THICKNESS * np.interp(local[:, 0], depth.metre_m, depth.depth_m)
@@ -249,6 +252,9 @@ def _line(local: Float, beside: float, inlier_m: float) -> tuple[Float, Float, f
     slope, start, inlier = _ransac(along, np.ascontiguousarray(across), pairs, inlier_m)
     if int(inlier.sum()) < MIN_POINTS:
         return None
+    # Aside, what is seen leans as the field of view cuts the blade, far more than a blade does that
+    # hangs beside its model: its direction there is the model's.
+    slope = np.array([0.0, slope[1]])
     spread = float(along[inlier].max() - along[inlier].min())
     width = float(np.ptp(across[inlier, 0]))
     if spread > max(2.0, 1.2 * width):
@@ -256,12 +262,13 @@ def _line(local: Float, beside: float, inlier_m: float) -> tuple[Float, Float, f
             rows = np.stack([along[inlier], np.ones(int(inlier.sum()))], axis=1)
             # Leaning from the model by 0.1 is as unlikely as a point 0.5 m off.
             weight = rows.T @ rows + np.diag([25.0, 0.0])
-            solved = np.linalg.solve(weight, rows.T @ across[inlier])
-            slope, start = solved[0], solved[1]
+            deep = np.linalg.solve(weight, rows.T @ across[inlier, 1])
+            slope, start = np.array([0.0, deep[0]]), np.array([start[0], deep[1]])
             off = across - start - along[:, None] * slope
             inlier = np.abs(off[:, 1]) < inlier_m
             if int(inlier.sum()) < MIN_POINTS:
                 return None
+        start[0] = np.median(across[inlier, 0])
     else:
         slope, start = np.zeros(2), np.median(across[inlier], axis=0)
         off = across - start
@@ -309,35 +316,44 @@ def _near_skin(local: Float, beside: float, slope: Float, at_foot: Float, inlier
     return float(at_foot[1] + np.quantile(off[near], EDGE_SHARE))
 
 
-def _shown(side: Float, beside: float, depth: SectionDepth | None) -> tuple[float, float] | None:
-    """Return where the model's section has its middle aside at the foot, and how wide it shows."""
+def _shown(side: Float, metre: Float, depth: SectionDepth | None) -> tuple[Float, Float] | None:
+    """Return where the model's sections (N,) have their middle aside, and how wide they show."""
     if depth is None or depth.leading_w is None or depth.trailing_w is None:
         return None
     lead, trail = (
-        float(np.interp(beside, depth.metre_m, end @ side))
-        for end in (depth.leading_w, depth.trailing_w)
+        np.interp(metre, depth.metre_m, end @ side) for end in (depth.leading_w, depth.trailing_w)
     )
-    return 0.5 * (lead + trail), abs(lead - trail)
+    middle = 0.5 * (lead + trail)
+    if depth.bend_w is not None:
+        middle = middle + np.interp(metre, depth.metre_m, depth.bend_w @ side)
+    return middle, np.abs(lead - trail)
 
 
 def _middle(
-    local: Float, beside: float, slope: float, shown: tuple[float, float] | None
-) -> tuple[float | None, float]:
-    """Return the middle of the lateral extent beside the vehicle, and its width.
+    local: Float, beside: float, side: Float, depth: SectionDepth | None
+) -> tuple[float, float]:
+    """Return the blade's middle aside at the foot, and how wide it is seen.
 
-    ``shown``: middle and width of the model's section from here. Where clearly less of it is seen
-    (the sensor's field of view ends there, or a flank is too flat for an echo) one end is missing:
-    the blade is laid by the end that then lies nearer to the model.
+    Beside the vehicle, or, where the field of view ends before, farther along: each point is taken
+    from the model's middle at its own metre, as a blade tapers, twists and bends. Where clearly
+    less than the model's width is seen (the field of view ends there, or a flank is too flat for
+    an echo) one end is missing: the blade is laid by the end that then lies nearer to the model.
     """
-    aside = local[:, 1] - slope * (local[:, 0] - beside)
-    near = np.abs(local[:, 0] - beside) < 2.0
+    near = np.abs(local[:, 0] - beside) < BESIDE_M
     if int(near.sum()) < MIN_POINTS:
         near = np.ones(len(local), bool)
-    low, high = (float(value) for value in np.quantile(aside[near], EXTENT))
+    along, aside = local[near, 0], local[near, 1]
+    at = np.array([beside, float(np.median(along))])
+    shown, here = _shown(side, along, depth), _shown(side, at, depth)
+    expected = 0.0
+    if shown is not None and here is not None:
+        expected = float(here[0][0])
+        aside = aside - shown[0] + expected
+    low, high = (float(value) for value in np.quantile(aside, EXTENT))
     middle, width = 0.5 * (low + high), high - low
-    if shown is not None and width < WHOLE_WIDTH * shown[1]:
-        expected, half = shown[0], (0.5 - EXTENT[0]) * shown[1]
-        middle = min((low + half, high - half), key=lambda at: abs(at - expected))
+    if here is not None and width < WHOLE_WIDTH * here[1][1]:
+        half = (0.5 - EXTENT[0]) * float(here[1][1])
+        middle = min((low + half, high - half), key=lambda end: abs(end - expected))
     return middle, width
 
 

@@ -138,11 +138,14 @@ class BladeFollower:
         return np.asarray(moved_w - float(moved_w @ axis_w) * axis_w, np.float64)
 
 
-def _chord(turbine: Turbine, task: SensingTask) -> tuple[Float | None, Float | None]:
-    """Return both ends of the chord (S, 3) from the axis; None where the pitch is not known."""
+def _chord(turbine: Turbine, task: SensingTask) -> tuple[Float | None, Float | None, Float | None]:
+    """Return both ends of the chord (S, 3) from the bent axis, and the axis' own bend (S, 3).
+
+    None where the pitch is not known.
+    """
     told = [one for one in task.blades if one.name == task.blade and one.pitch_deg is not None]
     if not told or told[0].pitch_deg is None or task.hub_w is None or task.normal_w is None:
-        return None, None
+        return None, None, None
     hub_w, normal_w = np.asarray(task.hub_w), np.asarray(task.normal_w)
     axis_w, pitch = np.asarray(told[0].direction_w), told[0].pitch_deg
     frame = blade_frame(task.blade, hub_w, normal_w, axis_w, pitch, turbine)
@@ -150,7 +153,8 @@ def _chord(turbine: Turbine, task: SensingTask) -> tuple[Float | None, Float | N
     turned = np.radians(pitch + np.asarray(shape.twist_deg))[:, None]
     lead = np.cos(turned) * frame.rotation_w + np.sin(turned) * frame.upwind_w
     chord, share = np.asarray(shape.chord_m)[:, None], np.asarray(shape.pitch_axis)[:, None]
-    return share * chord * lead, (share - 1.0) * chord * lead
+    bend = np.asarray(shape.prebend_m)[:, None] * frame.pressure(frame.pitch_rad or 0.0)
+    return share * chord * lead, (share - 1.0) * chord * lead, bend
 
 
 def _size(vectors: Float) -> Float:
@@ -192,18 +196,19 @@ def _depth(turbine: Turbine | None, task: SensingTask) -> SectionDepth | None:
     metre = np.asarray(blade.span) * turbine.blade_length_m
     half = 0.5 * chord * np.asarray(blade.thickness)
     if not edge:
-        leading, trailing = _chord(turbine, task)
-        return SectionDepth(metre, half, edge, leading, trailing)
+        leading, trailing, bend = _chord(turbine, task)
+        return SectionDepth(metre, half, edge, leading, trailing, bend_w=bend)
     turned = np.radians(np.asarray(blade.twist_deg) - np.interp(0.5, blade.span, blade.twist_deg))
     # From the round end of the edge, twisted out of the view, to the axis.
     round_m = np.minimum(half, EDGE_ROUND * chord) if task.side == "LE" else 0.0
     round_m = np.where(np.asarray(blade.thickness) > ROUND_SECTION, half, round_m)
     ahead = chord * (axis if task.side == "LE" else 1.0 - axis) - round_m
-    leading, trailing = _chord(turbine, task)
+    leading, trailing, bend = _chord(turbine, task)
     # The chord's ends are the middles of the edges' round.
     shrunk = [
         None if end is None else end * (1 - round_m / np.maximum(_size(end), 1e-6))[:, None]
         for end in (leading, trailing)
     ]
     depth = ahead * np.cos(turned) + round_m
-    return SectionDepth(metre, depth, edge, shrunk[0], shrunk[1], np.zeros(len(chord)) + round_m)
+    round_w = np.zeros(len(chord)) + round_m
+    return SectionDepth(metre, depth, edge, shrunk[0], shrunk[1], round_w, bend)

@@ -158,9 +158,21 @@ class Registration:
             live.lean(drift_w, 1.0 if leg.blind else flight.dt_s / LEAN_S)
         self._push_outward(flight, leg, lost_s)
         # Across the blade as it is seen; along it, which no blade shows, as other blades told.
-        self.aim_w = live.value_w - _along(live.value_w, leg) + _along(drift_w, leg)
-        self.shift_w = self.aim_w + self._push * leg.view_w
+        beside_w = live.value_w - _along(live.value_w, leg) + _along(drift_w, leg)
+        self.shift_w = beside_w + self._push * leg.view_w
+        self.aim_w = beside_w + self._turned_ahead(flight, leg)
         return self.shift_w
+
+    def _turned_ahead(self, flight: Flight, leg: Leg) -> Float:
+        """Return how much farther aside (3,) the blade lies where a leaning view looks.
+
+        It is seen beside the vehicle; a heading's error turns it about there.
+        """
+        if self._filter is None or leg.blind:
+            return np.zeros(3)
+        heading_rad, _ = self._filter.heading(flight.now_s)
+        beside = leg.beside(flight.here_w - self.shift_w)
+        return turned(heading_rad, (leg.looked_at(beside) - beside) * leg.axis_w)
 
     def _learn(self, offset: Float, metre: float, leg: Leg, flight: Flight) -> None:
         """Learn the position's own drift from a blade's offset (3,).

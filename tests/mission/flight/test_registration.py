@@ -13,7 +13,7 @@ from mission.flight.phases.registration import Registration
 SURE = (0.04, 0.0, 0.0, 0.0, 0.04, 0.0, 0.0, 0.04, 0.0, 3e-6)
 LEG = SimpleNamespace(
     blade="A", view_w=np.array([0.0, -1.0, 0.0]), metre_of=lambda _: 10.0, axis_w=np.eye(3)[2],
-    beside=lambda _: 10.0,
+    beside=lambda _: 10.0, looked_at=lambda beside_m: beside_m,
     centre=lambda _: np.zeros(3), length_m=40.0, blind=False,
     distance_at=lambda _: 12.0,
 )  # fmt: skip
