@@ -1,10 +1,12 @@
 """Centre line of the blade in view and the foot of the perpendicular on it.
 
 Shi et al. 2025, Sec. III-C: a line is fitted by RANSAC to the blade's points (l_P), and the
-inspection point p_f is the foot of the perpendicular from the vehicle on it (Eq. 3). Two things
+inspection point p_f is the foot of the perpendicular from the vehicle on it (Eq. 3). Three things
 differ. The points are taken near the modelled axis and near the vehicle, so that tower, nacelle
-and neighbour blades never join in. And what is seen is the near skin, half a thickness before the
-axis: the line of the surface and the estimate of the axis are both given.
+and neighbour blades never join in. What is seen is the near skin, half a thickness before the
+axis: the line of the surface and the estimate of the axis are both given. And the line is fitted
+in depth alone: aside it is the model's, laid on the middle of what is seen, as a field of view that
+ends on the blade shows a stretch which leans as its own edge does.
 """
 
 from __future__ import annotations

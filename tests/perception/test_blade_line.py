@@ -146,3 +146,55 @@ def test_an_edge_is_measured_at_its_nearest_skin_and_by_each_points_own_section(
     assert line is not None
     assert line.distance_m == pytest.approx(12.0, abs=0.06)
     assert line.angle_rad < 0.01
+
+
+def sections(side, view, *, chord=2.0, taper=0.0, bend=0.0, length=40.0):
+    """A model whose chord lies square to the view, 40 % of it before the axis."""
+    metre = np.linspace(0, length, 41)
+    chords = chord * (1 - taper * metre / length)
+    return SectionDepth(
+        metre, np.full(41, 0.25), edge=False,
+        leading_w=0.4 * chords[:, None] * side, trailing_w=-0.6 * chords[:, None] * side,
+        bend_w=bend * (metre[:, None] / length) ** 2 * side,
+    )  # fmt: skip
+
+
+def near_skin(direction, view, along, share, model, shift):
+    """Points (N, 3) of the skin at metres and shares of the chord, the blade moved aside."""
+    side = np.cross(direction, view)
+    lead, trail, bend = (
+        np.interp(along, model.metre_m, column @ side)
+        for column in (model.leading_w, model.trailing_w, model.bend_w)
+    )
+    aside = trail + share * (lead - trail) + bend + shift
+    return ROOT + along[:, None] * direction + aside[:, None] * side - 0.25 * view
+
+
+@pytest.mark.parametrize("shift", [-0.5, 0.0, 0.4])
+def test_a_field_of_view_that_cuts_the_blade_aslant_does_not_lean_its_line(shift):
+    direction, view = frame(1.2, 0.3)
+    side, rng = np.cross(direction, view), np.random.default_rng(4)
+    model = sections(side, view)
+    along, share = rng.uniform(21, 26, 900), rng.uniform(0, 1, 900)
+    points = near_skin(direction, view, along, share, model, shift)
+    # The farther from the foot, the more of the trailing half is in view.
+    seen = share < 0.25 + 0.1 * (along - 21)
+    vehicle = ROOT + 20 * direction - 12 * view
+    line = fit_blade_line(points[seen], vehicle, ROOT, ROOT + 40 * direction, 3.0, depth=model)
+    # The middle of the chord, which lies a tenth of it behind the axis.
+    assert line.offset_w @ side == pytest.approx(shift - 0.2, abs=0.15)
+    assert line.direction_w @ side == pytest.approx(0, abs=1e-9)
+
+
+@pytest.mark.parametrize("bend", [0.0, 2.0])
+def test_a_tapering_bent_blade_seen_ahead_is_laid_by_its_own_sections_there(bend):
+    direction, view = frame(1.2, 0.3)
+    side, rng = np.cross(direction, view), np.random.default_rng(5)
+    model = sections(side, view, chord=4.0, taper=0.8, bend=bend)
+    along, share = rng.uniform(23, 26, 600), rng.uniform(0, 1, 600)
+    points = near_skin(direction, view, along, share, model, 0.3)
+    vehicle = ROOT + 20 * direction - 12 * view
+    line = fit_blade_line(points, vehicle, ROOT, ROOT + 40 * direction, 3.0, depth=model)
+    chord = 4.0 * (1 - 0.8 / 2)
+    middle = -0.1 * chord + 0.25 * bend  # at the foot, by the model
+    assert line.offset_w @ side == pytest.approx(middle + 0.3, abs=0.1)

@@ -130,3 +130,28 @@ def test_a_blade_that_the_lidar_cannot_look_at_is_where_the_turbines_drift_puts_
     shift = registration.update(flight, blind)
     assert shift == pytest.approx(registration.drift_w)
     assert shift == pytest.approx([0.2, -0.1, 0.3], abs=0.1)
+
+
+def test_where_a_leaning_view_looks_lies_aside_by_what_the_heading_is_wrong():
+    """Seen from below, seven metres farther along than where the blade is seen."""
+    leaning = SimpleNamespace(**{
+        **vars(LEG), "axis_w": np.eye(3)[0], "view_w": -np.eye(3)[2],
+        "distance_at": lambda _: 12.0, "looked_at": lambda beside_m: beside_m - 7.0,
+    })  # fmt: skip
+    registration = Registration()
+    registration.begin("A")
+    rotor = RotorEstimate(stamp_s=1.0, sequence=1)
+    for index in range(100):
+        now_s = 60.0 + 0.05 * index
+        seen = TurbineSeen(60.0 + index // 20, (0.0, 0.0, 0.0), 0.02, SURE)
+        track = BladeTrack(
+            now_s, "A", (0, 0, 0), (1, 0, 0), 12.0, 500.0, (0.0, 0.5, 0.0), 0.1, turbine=seen
+        )
+        flight = SimpleNamespace(
+            observation=SimpleNamespace(blade=track, clearance=None), now_s=now_s, dt_s=0.05,
+            here_w=np.zeros(3), settings=Settings(), rotor=rotor,
+            vehicle=SimpleNamespace(velocity_w=(0.0, 0.0, 0.0), stamp_s=now_s),
+        )  # fmt: skip
+        shift = registration.update(flight, leaning)
+    assert shift[1] == pytest.approx(0.5, abs=0.05)
+    assert registration.aim_w[1] - shift[1] == pytest.approx(-7.0 * 0.02, abs=0.02)
