@@ -13,9 +13,10 @@ from mission.flight.command import SensingTask
 from mission.flight.observation import BladeTrack, TurbineSeen
 from mission.flight.sides import blade_frame
 from mission.processes.turbine_sight import TurbineSight
-from perception.blade_line import SectionDepth, fit_blade_line, outside_cone
+from perception.blade_line import fit_blade_line, outside_cone
 from perception.clearance import Followed
 from perception.geometry import vec3
+from perception.section_depth import SectionDepth
 from perception.values import Float
 
 #: Scans are joined over this time for the blade's line.

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from perception.blade_line import SectionDepth, fit_blade_line, outside_cone
+from perception.blade_line import fit_blade_line, outside_cone
+from perception.section_depth import SectionDepth
 
 ROOT = np.array([2.0, 5.0, 60.0])
 
