@@ -38,7 +38,6 @@ from mission.flight.observation import (
     RequestKind,
     Vehicle,
 )
-from perception.values import Float
 
 FLIGHT_TICK_S = 0.05
 SCAN_S = 0.1
@@ -311,26 +310,16 @@ class TrackingFlight:
 
     def _sample(self, command: Command) -> None:
         """Note the true distance while a pass is flown."""
-        progress, task = command.progress, command.sensing
-        plan = self.machine.plan
-        if progress.phase is not Phase.TRACK or progress.metre is None or plan is None:
+        progress, leg = command.progress, self.machine.leg
+        if progress.phase is not Phase.TRACK or progress.metre is None or leg is None:
             return
         place = np.asarray(self.aircraft.body.position_w)
-        blade = self.senses.blades[task.blade]
-        metre, point = blade.beside(place)
-        believed = np.asarray(self.aircraft.telemetry.position_l)
-        legs = [leg for leg in plan.legs if (leg.blade, leg.side) == (task.blade, task.side)]
-        leg = min(legs, key=lambda one: _apart_m(one, metre, believed))
+        metre, point = self.senses.blades[leg.blade].beside(place)
         sample = Sample(
             self.now_s, leg.blade, leg.side, wanted_square_m(leg, metre),
             float(np.linalg.norm(place - point)), self.aircraft.wind.gust_at(self.now_s),
         )  # fmt: skip
         self.flown.samples.append(sample)
-
-
-def _apart_m(leg: Leg, beside_m: float, place_w: Float) -> float:
-    """Return how far a place (3,) is from where a leg has the vehicle beside a metre."""
-    return float(np.linalg.norm(leg.position(leg.looked_at(beside_m)) - place_w))
 
 
 def wanted_square_m(leg: Leg, beside_m: float) -> float:

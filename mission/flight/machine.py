@@ -34,6 +34,7 @@ from mission.flight.interruption import (
     release,
 )
 from mission.flight.ledger import Ledger, PhotoStatus
+from mission.flight.leg import Leg
 from mission.flight.logbook import Logbook
 from mission.flight.observation import (
     Observation,
@@ -99,6 +100,11 @@ class Machine:
     def plan(self) -> Plan | None:
         """What is flown, once the rotor was measured."""
         return self._flight.plan
+
+    @property
+    def leg(self) -> Leg | None:
+        """Which of the plan's lines is flown along, or flown to."""
+        return self._phase.leg if isinstance(self._phase, Track) else None
 
     @property
     def ledger(self) -> Ledger:

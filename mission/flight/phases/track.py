@@ -62,6 +62,11 @@ class Track:
         self._begun = False
         self._motion: Motion | None = None
 
+    @property
+    def leg(self) -> Leg | None:
+        """What is flown along, or flown to."""
+        return self._leg
+
     def resume(self, _flight: Flight) -> None:
         """Find the way back to where the leg was left."""
         self._moving = self._running = False
