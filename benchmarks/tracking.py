@@ -184,6 +184,15 @@ def _photo_rows(flown: list[Mission], photos: list[PhotoFigures]) -> list[Row]:
         Row("photos rejected a turbine, mean", _mean([float(m.rejected) for m in flown]), "", None),
     ]
     for profile, goal in (("rtk", 0.3), ("gnss", 1.0)):
+        aside = [
+            p.off_centre is not None and abs(p.off_centre) <= 0.05
+            for m in flown
+            if m.profile == profile
+            for p in m.photos
+            if not p.in_rows
+        ]
+        if aside:
+            found.append(Row(f"the same, {profile}", _mean(aside), "", None))
         errors = [
             abs(p.metre_error_m)
             for m in flown
