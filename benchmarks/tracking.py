@@ -192,7 +192,7 @@ def _photo_rows(flown: list[Mission], photos: list[PhotoFigures]) -> list[Row]:
             if not p.in_rows
         ]
         if aside:
-            found.append(Row(f"the same, {profile}", _mean(aside), "", None))
+            found.append(Row(f"blade within 5 % of the middle, {profile}", _mean(aside), "", None))
         errors = [
             abs(p.metre_error_m)
             for m in flown
