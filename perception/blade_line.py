@@ -108,15 +108,14 @@ def fit_blade_line(
     line = _line(local, beside, inlier_m)
     if line is None:
         return None
-    slope, at_foot, residual_m = line
+    slope, deep, residual_m = line
     if depth is not None and depth.edge:
-        at_foot = np.array([at_foot[0], _near_skin(local, beside, slope, at_foot, inlier_m)])
-    lateral, width = middle_aside(local, beside, side, depth)
-    at_foot = np.array([lateral, at_foot[1]])
+        deep = _near_skin(local, beside, slope, deep, inlier_m)
+    aside, width = middle_aside(local, beside, side, depth)
 
-    direction = axis + slope[0] * side + slope[1] * view
+    direction = axis + slope * view
     direction /= np.linalg.norm(direction)
-    surface = foot_model + at_foot[0] * side + at_foot[1] * view
+    surface = foot_model + aside * side + deep * view
     centre = surface + half_thickness_m * view
     foot = centre + ((origin_w - centre) @ direction) * direction
     offset = foot - root_w
@@ -130,7 +129,7 @@ def fit_blade_line(
         points=len(local),
         metre_m=float((foot - root_w) @ axis),
         offset_w=offset,
-        angle_rad=math.atan(math.hypot(slope[0], slope[1])),
+        angle_rad=math.atan(abs(slope)),
         tip_m=_tip(local[:, 0], beside, length),
         width_m=width,
     )
@@ -177,82 +176,79 @@ def _select(
     return found[:count]
 
 
-def _line(local: Float, beside: float, inlier_m: float) -> tuple[Float, Float, float] | None:
-    """Fit aside and deep as lines over along: slopes (2,), values at the foot (2,), residual.
+def _line(local: Float, beside: float, inlier_m: float) -> tuple[float, float, float] | None:
+    """Fit depth as a line over the metres from the foot: slope, depth at the foot, residual.
 
     RANSAC picks the line with the most points of the near skin, least squares refines it. A
-    nearly square patch (little length in view) keeps the model's direction.
+    nearly square patch (little length in view) keeps the model's direction. Aside, what is seen
+    leans as the field of view cuts the blade, far more than a blade does that hangs beside its
+    model: its direction there is the model's.
     """
     step = max(len(local) // FIT_POINTS, 1)
     some = local[::step]
-    along, across = some[:, 0] - beside, some[:, 1:]
+    along, deep = some[:, 0] - beside, np.ascontiguousarray(some[:, 2])
     rng = np.random.default_rng(len(local))
     pairs = rng.integers(0, len(some), (2, HYPOTHESES))
-    slope, start, inlier = _ransac(along, np.ascontiguousarray(across), pairs, inlier_m)
+    slope, start, inlier = _ransac(along, deep, pairs, inlier_m)
     if int(inlier.sum()) < MIN_POINTS:
         return None
-    # Aside, what is seen leans as the field of view cuts the blade, far more than a blade does that
-    # hangs beside its model: its direction there is the model's.
-    slope = np.array([0.0, slope[1]])
     spread = float(along[inlier].max() - along[inlier].min())
-    width = float(np.ptp(across[inlier, 0]))
+    width = float(np.ptp(some[inlier, 1]))
     if spread > max(2.0, 1.2 * width):
         for _ in range(2):
             rows = np.stack([along[inlier], np.ones(int(inlier.sum()))], axis=1)
             # Leaning from the model by 0.1 is as unlikely as a point 0.5 m off.
             weight = rows.T @ rows + np.diag([25.0, 0.0])
-            deep = np.linalg.solve(weight, rows.T @ across[inlier, 1])
-            slope, start = np.array([0.0, deep[0]]), np.array([start[0], deep[1]])
-            off = across - start - along[:, None] * slope
-            inlier = np.abs(off[:, 1]) < inlier_m
+            slope, start = (float(x) for x in np.linalg.solve(weight, rows.T @ deep[inlier]))
+            off = deep - start - along * slope
+            inlier = np.abs(off) < inlier_m
             if int(inlier.sum()) < MIN_POINTS:
                 return None
-        start[0] = np.median(across[inlier, 0])
     else:
-        slope, start = np.zeros(2), np.median(across[inlier], axis=0)
-        off = across - start
+        slope, start = 0.0, float(np.median(deep[inlier]))
+        off = deep - start
     # Depth is what the fit is judged by: aside, the chord itself spreads the points.
-    residual = float(np.sqrt(np.mean(off[inlier, 1] ** 2)))
+    residual = float(np.sqrt(np.mean(off[inlier] ** 2)))
     return slope, start, residual
 
 
 @compiled
 def _ransac(
-    along: Float, across: Float, pairs: Int64, inlier_m: float
-) -> tuple[Float, Float, NDArray[np.bool_]]:
+    along: Float, deep: Float, pairs: Int64, inlier_m: float
+) -> tuple[float, float, NDArray[np.bool_]]:
     best = -1
-    slope = np.zeros(2)
-    start = np.zeros(2)
+    slope = 0.0
+    start = 0.0
     for h in range(pairs.shape[1]):
         i, j = pairs[0, h], pairs[1, h]
         gap = along[j] - along[i]
         if abs(gap) < 1.0:
             continue
-        deep_slope = (across[j, 1] - across[i, 1]) / gap
-        if abs(deep_slope) > 0.25:
+        leans = (deep[j] - deep[i]) / gap
+        if abs(leans) > 0.25:
             continue
-        deep_start = across[i, 1] - deep_slope * along[i]
+        begins = deep[i] - leans * along[i]
         count = 0
         for n in range(len(along)):
-            if abs(across[n, 1] - deep_start - deep_slope * along[n]) < inlier_m:
+            if abs(deep[n] - begins - leans * along[n]) < inlier_m:
                 count += 1
         if count > best:
             best = count
-            slope[1] = deep_slope
-            start[1] = deep_start
+            slope = leans
+            start = begins
     if best < 0:
-        start[1] = np.median(across[:, 1])
-    inlier = np.abs(across[:, 1] - start[1] - slope[1] * along) < inlier_m
+        start = float(np.median(deep))
+    inlier = np.abs(deep - start - slope * along) < inlier_m
     return slope, start, inlier
 
 
-def _near_skin(local: Float, beside: float, slope: Float, at_foot: Float, inlier_m: float) -> float:
+def _near_skin(local: Float, beside: float, slope: float, deep: float, inlier_m: float) -> float:
     """Return the depth of the nearest skin at the foot: flanks go on behind an edge."""
-    off = local[:, 2] - at_foot[1] - slope[1] * (local[:, 0] - beside)
+    off = local[:, 2] - deep - slope * (local[:, 0] - beside)
     near = (np.abs(local[:, 0] - beside) < EDGE_REACH_M) & (np.abs(off) < inlier_m)
     if int(near.sum()) < MIN_POINTS:
-        return float(at_foot[1])
-    return float(at_foot[1] + np.quantile(off[near], EDGE_SHARE))
+        return deep
+    return float(deep + np.quantile(off[near], EDGE_SHARE))
 
 
 def _tip(along: Float, beside: float, length: float) -> float | None:

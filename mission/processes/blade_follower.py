@@ -154,7 +154,7 @@ def _chord(turbine: Turbine, task: SensingTask) -> tuple[Float | None, Float | N
     turned = np.radians(pitch + np.asarray(shape.twist_deg))[:, None]
     lead = np.cos(turned) * frame.rotation_w + np.sin(turned) * frame.upwind_w
     chord, share = np.asarray(shape.chord_m)[:, None], np.asarray(shape.pitch_axis)[:, None]
-    bend = np.asarray(shape.prebend_m)[:, None] * frame.pressure(frame.pitch_rad or 0.0)
+    bend = np.asarray(shape.prebend_m)[:, None] * frame.pressure(np.radians(pitch))
     return share * chord * lead, (share - 1.0) * chord * lead, bend
 
 
@@ -196,20 +196,18 @@ def _depth(turbine: Turbine | None, task: SensingTask) -> SectionDepth | None:
     chord, axis = np.asarray(blade.chord_m), np.asarray(blade.pitch_axis)
     metre = np.asarray(blade.span) * turbine.blade_length_m
     half = 0.5 * chord * np.asarray(blade.thickness)
+    leading, trailing, bend = _chord(turbine, task)
     if not edge:
-        leading, trailing, bend = _chord(turbine, task)
         return SectionDepth(metre, half, edge, leading, trailing, bend_w=bend)
     turned = np.radians(np.asarray(blade.twist_deg) - np.interp(0.5, blade.span, blade.twist_deg))
     # From the round end of the edge, twisted out of the view, to the axis.
     round_m = np.minimum(half, EDGE_ROUND * chord) if task.side == "LE" else 0.0
     round_m = np.where(np.asarray(blade.thickness) > ROUND_SECTION, half, round_m)
     ahead = chord * (axis if task.side == "LE" else 1.0 - axis) - round_m
-    leading, trailing, bend = _chord(turbine, task)
     # The chord's ends are the middles of the edges' round.
     shrunk = [
         None if end is None else end * (1 - round_m / np.maximum(_size(end), 1e-6))[:, None]
         for end in (leading, trailing)
     ]
     depth = ahead * np.cos(turned) + round_m
-    round_w = np.zeros(len(chord)) + round_m
-    return SectionDepth(metre, depth, edge, shrunk[0], shrunk[1], round_w, bend)
+    return SectionDepth(metre, depth, edge, shrunk[0], shrunk[1], round_m, bend)
