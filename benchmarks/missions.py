@@ -81,23 +81,45 @@ def _read(lines: Path) -> list[Flown]:
     return [Flown(**json.loads(line)) for line in lines.read_text().splitlines() if line]
 
 
+class NotFlown(RuntimeError):
+    """`simulate` ended without a mission's figures."""
+
+    def __init__(self, words: str, exit_code: int) -> None:
+        """``words``: what it said last."""
+        super().__init__(words)
+        self.exit_code = exit_code
+
+
+def simulate(words: Sequence[str], timeout_s: float = TIMEOUT_S) -> tuple[dict[str, object], int]:
+    """Run `bladescout simulate` in a process of its own; return mission.json and the exit code.
+
+    Raises `NotFlown` where there is none.
+    """
+    command = [sys.executable, "-m", "mission.cli.main", "simulate", *words, "--json"]
+    try:
+        ran = subprocess.run(
+            command, capture_output=True, text=True, timeout=timeout_s, check=False
+        )
+    except subprocess.TimeoutExpired:
+        raise NotFlown(f"no end within {timeout_s:.0f} s", 1) from None
+    try:
+        told = json.loads(ran.stdout)
+    except ValueError:
+        last = (ran.stderr.strip().splitlines() or ["nothing was said"])[-1]
+        raise NotFlown(last, ran.returncode) from None
+    if "state" not in told:
+        raise NotFlown(told["error"], ran.returncode)
+    return told, ran.returncode
+
+
 def _one(seed: int, scenario: str, overrides: list[str], kept_in: Path) -> Flown:
-    words = [sys.executable, "-m", "mission.cli.main", "simulate", scenario, "--json"]
-    words += ["--seed", str(seed), "--out", str(kept_in)]
+    words = [scenario, "--seed", str(seed), "--out", str(kept_in)]
     for override in overrides:
         words += ["--set", override]
     try:
-        ran = subprocess.run(words, capture_output=True, text=True, timeout=TIMEOUT_S, check=False)
-    except subprocess.TimeoutExpired:
-        return _unflown(seed, f"no end within {TIMEOUT_S:.0f} s", 1)
-    try:
-        told = json.loads(ran.stdout)
-        if "state" not in told:
-            return _unflown(seed, told["error"], ran.returncode)
-        return summary(seed, told, ran.returncode)
-    except ValueError:
-        last = (ran.stderr.strip().splitlines() or ["nothing was said"])[-1]
-        return _unflown(seed, last, ran.returncode)
+        return summary(seed, *simulate(words))
+    except NotFlown as error:
+        return _unflown(seed, str(error), error.exit_code)
 
 
 def _unflown(seed: int, words: str, exit_code: int) -> Flown:

@@ -23,6 +23,11 @@ from perception.values import Float
 
 WANTED_M = 12.0
 SETTLED_M = 0.5
+#: Goals: distance RMS by wind, the metre of a photo by receiver, the whole of a side.
+WIND_GOALS_M = (("5 m/s", 0.25), ("9 m/s", 0.4), ("gust to 15", None))
+METRE_GOALS_M = (("rtk", 0.3), ("gnss", 1.0))
+SIDE_GOALS = (("PS", 0.95), ("SS", 0.95), ("LE", 0.9), ("TE", 0.9))
+REACHABLE_GOAL = 0.99
 #: An extreme gust: how long it blows (`drivers.simulated.wind`), and how soon it must be over.
 _GUST_S = 10.5
 
@@ -147,7 +152,7 @@ def rows(flown: list[Mission]) -> list[Row]:
 
 def _distance_rows(flown: list[Mission]) -> list[Row]:
     found = []
-    for wind, goal in (("5 m/s", 0.25), ("9 m/s", 0.4), ("gust to 15", None)):
+    for wind, goal in WIND_GOALS_M:
         errors = _joined([m.errors_m for m in flown if m.wind == wind])
         wanted = _joined([m.wanted_m for m in flown if m.wind == wind])
         if not len(errors):
@@ -172,38 +177,31 @@ def _distance_rows(flown: list[Mission]) -> list[Row]:
 
 
 def _photo_rows(flown: list[Mission], photos: list[PhotoFigures]) -> list[Row]:
-    single = [p for p in photos if not p.in_rows]
-    off = np.array([math.inf if p.off_centre is None else abs(p.off_centre) for p in single])
     blur = np.array([p.blur_px for p in photos])
+    name = "photos (not in rows) with the blade within 5 % of the middle"
     found = [
-        at_least(
-            "photos (not in rows) with the blade within 5 % of the middle", _mean(off <= 0.05), 0.95
-        ),
+        at_least(name, _mean(_centred(photos)), 0.95),
         Row("photos a turbine, mean", len(photos) / len(flown), "", None),
         at_least("photos sharp (<= 0.7 px, true motion)", _mean(blur <= 0.7), None),
         Row("photos rejected a turbine, mean", _mean([float(m.rejected) for m in flown]), "", None),
     ]
-    for profile, goal in (("rtk", 0.3), ("gnss", 1.0)):
-        aside = [
-            p.off_centre is not None and abs(p.off_centre) <= 0.05
-            for m in flown
-            if m.profile == profile
-            for p in m.photos
-            if not p.in_rows
-        ]
-        if aside:
-            found.append(Row(f"blade within 5 % of the middle, {profile}", _mean(aside), "", None))
-        errors = [
-            abs(p.metre_error_m)
-            for m in flown
-            if m.profile == profile
-            for p in m.photos
-            if p.metre_error_m is not None
-        ]
+    for profile, goal in METRE_GOALS_M:
+        theirs = [photo for m in flown if m.profile == profile for photo in m.photos]
+        centred = _centred(theirs)
+        if centred:
+            found.append(
+                Row(f"blade within 5 % of the middle, {profile}", _mean(centred), "", None)
+            )
+        errors = [abs(p.metre_error_m) for p in theirs if p.metre_error_m is not None]
         if errors:
             p95 = float(np.quantile(errors, 0.95))
             found.append(at_most(f"metre error, {profile}, p95, m", p95, goal))
     return found
+
+
+def _centred(photos: list[PhotoFigures]) -> list[bool]:
+    """Return of each photo that is not one of several rows whether the blade is in its middle."""
+    return [p.off_centre is not None and abs(p.off_centre) <= 0.05 for p in photos if not p.in_rows]
 
 
 def _side_rows(flown: list[Mission]) -> list[Row]:
@@ -211,12 +209,14 @@ def _side_rows(flown: list[Mission]) -> list[Row]:
     # What a mission that wind or battery ended has not seen says nothing of how it looks.
     whole = [s for m in flown if m.state == MissionState.COMPLETED for s in m.sides]
     found: list[Row] = []
-    for side, least in (("PS", 0.95), ("SS", 0.95), ("LE", 0.9), ("TE", 0.9)):
+    for side, least in SIDE_GOALS:
         seen = _mean([s.whole for s in whole if s.side == side])
         found.append(at_least(f"coverage {side}, whole, mean of the completed", seen, least))
-    for side in ("PS", "SS", "LE", "TE"):
+    for side, _ in SIDE_GOALS:
         seen = _mean([s.reachable for s in whole if s.side == side])
-        found.append(at_least(f"coverage {side}, of the reachable, of the completed", seen, 0.99))
+        found.append(
+            at_least(f"coverage {side}, of the reachable, of the completed", seen, REACHABLE_GOAL)
+        )
     own = [s.own - s.whole for s in sides]
     found.append(at_least("sides whose own figure is within 2 %", _mean(np.abs(own) <= 0.02), 1.0))
     found.append(Row("own figure minus true, mean", _mean(own), "", None))

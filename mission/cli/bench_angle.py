@@ -13,6 +13,7 @@ import typer
 from rich.console import Console
 from rich.table import Table as RichTable
 
+from mission.cli.bench_rows import goals_table
 from mission.cli.exits import Exit, end
 from mission.cli.typed import AsJson
 
@@ -177,14 +178,13 @@ def _crossed(title: str, groups: Mapping[str, Mapping[str, Row]]) -> RichTable:
 
 
 def _of_goals(reached: list[Goal]) -> RichTable:
-    grid = RichTable(title="goals", title_justify="left")
-    for heading in ("", "measured", "goal", "met"):
-        grid.add_column(heading, justify="left" if not heading else "right")
-    for goal in reached:
-        met = "" if goal.met is None else "yes" if goal.met else "no"
-        bounds = f"<= {goal.most:g}" if goal.least <= 0 else f"{goal.least:g} to {goal.most:g}"
-        grid.add_row(goal.what, cell(goal.measured, 4), bounds, met)
-    return grid
+    def bounds(goal: Goal) -> str:
+        if goal.least <= 0:
+            return f"<= {goal.most:g}"
+        return f"{goal.least:g} to {goal.most:g}"
+
+    told = ((goal.what, cell(goal.measured, 4), bounds(goal), goal.met) for goal in reached)
+    return goals_table("goals", told)
 
 
 def _grid(title: str, rows: dict[str, Row], columns: tuple[tuple[str, str, int], ...]) -> RichTable:

@@ -15,6 +15,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from mission.cli.bench_rows import goals_table
 from mission.cli.exits import Exit, end
 from mission.cli.typed import AsJson
 
@@ -111,13 +112,8 @@ def _show(bench: Bench, subtitle: str) -> None:
         out.print(_steps(bench, words, manual=manual))
     if bench.passes:
         out.print(_table(bench))
-    grid = Table(title="goals", title_justify="left")
-    for heading in ("", "measured", "goal", "met"):
-        grid.add_column(heading, justify="left" if not heading else "right")
-    for goal in goals(bench):
-        met = "" if goal.met is None else "yes" if goal.met else "no"
-        grid.add_row(goal.name, goal.value, goal.goal, met)
-    out.print(grid)
+    told = ((goal.name, goal.value, goal.goal, goal.met) for goal in goals(bench))
+    out.print(goals_table("goals", told))
 
 
 def _steps(bench: Bench, words: str, *, manual: bool) -> Table:

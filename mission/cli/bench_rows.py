@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -35,6 +35,16 @@ def measuring(words: str) -> Iterator[Callable[[str], None]]:
             yield status.update
     except (SimulationFailed, BusUnreachable, NoReply) as error:
         end(Exit.DEVICE, str(error))
+
+
+def goals_table(title: str, rows: Iterable[tuple[str, str, str, bool | None]]) -> Table:
+    """Return a table of what was measured beside its goal; a row: name, measured, goal, met."""
+    grid = Table(title=title, title_justify="left")
+    for heading in ("", "measured", "goal", "met"):
+        grid.add_column(heading, justify="left" if not heading else "right")
+    for name, measured, goal, met in rows:
+        grid.add_row(name, measured, goal, "" if met is None else "yes" if met else "no")
+    return grid
 
 
 def show_rows(

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
-from rich.table import Table
 
 from mission.cli.bench_angle import cell
+from mission.cli.bench_rows import goals_table
 from mission.cli.simulate_command import make_room
 from mission.cli.typed import AsJson
 
@@ -106,17 +106,13 @@ def _on_the_wire(
 
 
 def _brief(one: Wired) -> dict[str, object]:
-    told = None if one.told is None else one.told.model_dump(mode="json")
+    parts = {"duration_s", "swaps", "passes", "errors", "truth"}
+    told = None if one.told is None else one.told.model_dump(mode="json", include=parts)
     drawn = {"number": one.number, "model": one.model, "wind": one.wind, "profile": one.profile}
     return {**drawn, "state": one.state, "words": one.words, "told": told}
 
 
 def _show(rows: Sequence[Row], title: str) -> None:
     out = Console(highlight=False, width=None if sys.stdout.isatty() else 200)
-    grid = Table(title=title, title_justify="left")
-    for heading in ("", "measured", "goal", "met"):
-        grid.add_column(heading, justify="left" if not heading else "right")
-    for row in rows:
-        met = "" if row.met is None else "yes" if row.met else "no"
-        grid.add_row(row.name, cell(row.value, 3), row.goal, met)
-    out.print(grid)
+    told = ((row.name, cell(row.value, 3), row.goal, row.met) for row in rows)
+    out.print(goals_table(title, told))

@@ -172,11 +172,18 @@ class TruthPart(_Part):
     pitch_deg: dict[str, float | None] = Field(default_factory=dict)
     min_clearance_m: float | None = None
     coverage: dict[str, dict[str, float | None]] = Field(default_factory=dict)
+    coverage_reachable: dict[str, dict[str, float | None]] = Field(default_factory=dict)
     stills_kept: int | None = None
     stills_out_of_range: int | None = None
     stills_blurred: int | None = None
     vehicle: TrueVehicle = TrueVehicle()
     wind: TrueWind = TrueWind()
+
+
+class MetreErrors(_Part):
+    """Of the photos' stated metres."""
+
+    p95_m: float
 
 
 class ErrorsPart(_Part):
@@ -186,6 +193,7 @@ class ErrorsPart(_Part):
     hub_m: float | None = None
     normal_deg: float | None = None
     pitch_deg: dict[str, float] = Field(default_factory=dict)
+    photo_metres: MetreErrors | None = None
 
 
 class FaultPart(_Part):

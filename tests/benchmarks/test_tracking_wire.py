@@ -6,19 +6,35 @@ from types import SimpleNamespace
 
 import pytest
 
-from benchmarks import tracking_wire
+from benchmarks import missions, tracking_wire
 from benchmarks.tracking_trials import draw_trial
 from config.settings import Settings
 from drivers.simulated.scene import draw_scene
 
 SIDES = {"PS": 0.96, "SS": 0.97, "LE": 0.95, "TE": 0.85}
+
+
+def flown_side(photos, rms_error):
+    return {
+        "blade": "A", "side": "PS", "length_m": 40.0, "planned_m": 40.0, "coverage": 0.9,
+        "coverage_reachable": 0.9, "distance_m": {"rms_error": rms_error, "mean": 12.0},
+        "clearance_m": {"min": 9.0}, "photos": photos, "rejected": 0,
+    }  # fmt: skip
+
+
 TOLD = {
-    "state": "completed", "words": "landed", "duration_s": 900.0, "swaps": 1, "site": "bench",
-    "passes": [
-        {"photos": 10, "distance_m": {"rms_error": 0.1, "mean": 12.0}},
-        {"photos": 30, "distance_m": {"rms_error": 0.2, "mean": 12.0}},
-        {"photos": 0, "distance_m": None},
-    ],
+    "schema": 1, "version": "0.1.0", "state": "completed", "words": "landed", "simulated": True,
+    "vehicle": "drone-1", "site": "bench", "turbine": "v90-2.0", "operator": "bench",
+    "rotor_locked": True, "started_utc": "2026-11-22T10:00:00Z",
+    "ended_utc": "2026-11-22T10:15:00Z", "duration_s": 900.0, "swaps": 1, "phases": [],
+    "method": "rotor_fit", "rotor": None, "coverage": 0.9, "clearance_m": {"min": 8.9},
+    "gsd_mm": 0.9, "photos": {"kept": 40, "rejected": 0, "lost": 0}, "photo_list": [],
+    "exposure": {
+        "method": "predictive", "range": [110, 160], "frames": 9, "frames_out_of_range": 0,
+        "stills": 40, "stills_out_of_range": 0,
+    },
+    "timing": {},
+    "passes": [flown_side(10, 0.1), flown_side(30, 0.2), flown_side(0, None)],
     "errors": {"photo_metres": {"p95_m": 0.27}},
     "truth": {
         "min_clearance_m": 8.9,
@@ -44,10 +60,10 @@ def flights(monkeypatch):
     def run(words, **_):
         begun.append(words)
         if len(begun) == 2:
-            return SimpleNamespace(stdout="", stderr="error: the port is taken\n")
-        return SimpleNamespace(stdout=json.dumps(TOLD), stderr="")
+            return SimpleNamespace(stdout="", stderr="error: the port is taken\n", returncode=5)
+        return SimpleNamespace(stdout=json.dumps(TOLD), stderr="", returncode=0)
 
-    monkeypatch.setattr(tracking_wire.subprocess, "run", run)
+    monkeypatch.setattr(missions.subprocess, "run", run)
     return begun
 
 

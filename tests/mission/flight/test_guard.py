@@ -22,6 +22,7 @@ from mission.flight.guard import (
     allowed_closing_mps,
 )
 from mission.flight.observation import ClearanceState, FlightMode, Observation, Vehicle
+from tests.mission.flight.test_guard_bounds import Wall
 
 SETTINGS = Settings()
 GUARD = Guard(SETTINGS)
@@ -235,16 +236,6 @@ def test_the_same_question_has_the_same_answer():
 
 
 def test_the_model_stands_where_the_position_has_drifted_to():
-    class Wall:
-        """Everything east of 10 m."""
-
-        def distance(self, points_w):
-            return 10.0 - np.atleast_2d(points_w)[:, 0]
-
-        def nearest(self, point_w):
-            gap = 10.0 - point_w[0]
-            return np.array([gap]), point_w[None] + np.array([gap, 0.0, 0.0])
-
     asked = command((0.2, 0.0, 50.0))
     before = check(asked, space=airspace(model=Wall()))
     assert not before.refused

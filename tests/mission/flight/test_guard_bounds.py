@@ -49,6 +49,17 @@ NOW, HERE = 100.0, (0.0, 0.0, 50.0)
 E = 1e-3
 
 
+class Wall:
+    """A turbine that is everything east of 10 m."""
+
+    def distance(self, points_w):
+        return 10.0 - np.atleast_2d(points_w)[:, 0]
+
+    def nearest(self, point_w):
+        gap = 10.0 - point_w[0]
+        return np.array([gap]), point_w[None] + np.array([gap, 0.0, 0.0])
+
+
 def observe(position=HERE, velocity=(0.0, 0.0, 0.0), scan_age=0.05, repeated=False, **changes):
     vehicle = Vehicle(
         stamp_s=NOW, position_w=position, velocity_w=velocity,

@@ -23,6 +23,7 @@ from tests.mission.flight.test_guard_bounds import (
     RADIUS,
     SETTINGS,
     SPHERE,
+    Wall,
     ahead,
     airspace,
     around,
@@ -127,16 +128,6 @@ def test_what_is_within_the_airframe_is_fled_at_full_speed():
 
 
 def test_on_the_very_surface_of_the_model_no_way_leads_out_and_it_holds():
-    class Wall:
-        """Everything east of 10 m."""
-
-        def distance(self, points_w):
-            return 10.0 - np.atleast_2d(points_w)[:, 0]
-
-        def nearest(self, point_w):
-            gap = 10.0 - point_w[0]
-            return np.array([gap]), point_w[None] + np.array([gap, 0.0, 0.0])
-
     here = (10.0, 0.0, 50.0)
     guarded = check(command(here), observe(here), space=airspace(model=Wall()))
     assert guarded.refused

@@ -91,25 +91,31 @@ def test_a_blade_that_is_lost_is_flown_past_from_14_metres(registration):
     assert push[-1] == pytest.approx(2.0, abs=0.1)
 
 
-def test_a_sighting_of_the_turbine_tells_the_drift_along_the_blade():
+def sighted(leg, offset_w, turbine_w, *, heading_rad=0.0, settings=None):
+    """Follow a blade for five seconds, the turbine sighted each; return registration and shift."""
     registration, shift = Registration(), np.zeros(3)
     registration.begin("A")
     rotor = RotorEstimate(stamp_s=1.0, sequence=1)
-    settings = Settings()
-    gnss = settings.positioning.model_copy(update={"method": "gnss"})
-    settings = settings.model_copy(update={"positioning": gnss})
     for index in range(100):
         now_s = 60.0 + 0.05 * index
-        seen = TurbineSeen(60.0 + index // 20, (0.3, -0.2, 2.0), 0.0, SURE)
+        seen = TurbineSeen(60.0 + index // 20, turbine_w, heading_rad, SURE)
         track = BladeTrack(
-            now_s, "A", (0, 0, 0), (0, 0, 1), 12.0, 500.0, (0.3, -0.2, 0.0), 0.1, turbine=seen
+            now_s, "A", (0, 0, 0), tuple(leg.axis_w), 12.0, 500.0, offset_w, 0.1, turbine=seen
         )
         flight = SimpleNamespace(
             observation=SimpleNamespace(blade=track, clearance=None), now_s=now_s, dt_s=0.05,
-            here_w=np.zeros(3), settings=settings, rotor=rotor,
+            here_w=np.zeros(3), settings=settings or Settings(), rotor=rotor,
             vehicle=SimpleNamespace(velocity_w=(0.0, 0.0, 0.0), stamp_s=now_s),
         )  # fmt: skip
-        shift = registration.update(flight, LEG)
+        shift = registration.update(flight, leg)
+    return registration, shift
+
+
+def test_a_sighting_of_the_turbine_tells_the_drift_along_the_blade():
+    settings = Settings()
+    gnss = settings.positioning.model_copy(update={"method": "gnss"})
+    settings = settings.model_copy(update={"positioning": gnss})
+    registration, shift = sighted(LEG, (0.3, -0.2, 0.0), (0.3, -0.2, 2.0), settings=settings)
     assert shift == pytest.approx([0.3, -0.2, 2.0], abs=0.15)
     assert registration.drift_w[2] == pytest.approx(2.0, abs=0.1)
 
@@ -138,20 +144,6 @@ def test_where_a_leaning_view_looks_lies_aside_by_what_the_heading_is_wrong():
         **vars(LEG), "axis_w": np.eye(3)[0], "view_w": -np.eye(3)[2],
         "distance_at": lambda _: 12.0, "looked_at": lambda beside_m: beside_m - 7.0,
     })  # fmt: skip
-    registration = Registration()
-    registration.begin("A")
-    rotor = RotorEstimate(stamp_s=1.0, sequence=1)
-    for index in range(100):
-        now_s = 60.0 + 0.05 * index
-        seen = TurbineSeen(60.0 + index // 20, (0.0, 0.0, 0.0), 0.02, SURE)
-        track = BladeTrack(
-            now_s, "A", (0, 0, 0), (1, 0, 0), 12.0, 500.0, (0.0, 0.5, 0.0), 0.1, turbine=seen
-        )
-        flight = SimpleNamespace(
-            observation=SimpleNamespace(blade=track, clearance=None), now_s=now_s, dt_s=0.05,
-            here_w=np.zeros(3), settings=Settings(), rotor=rotor,
-            vehicle=SimpleNamespace(velocity_w=(0.0, 0.0, 0.0), stamp_s=now_s),
-        )  # fmt: skip
-        shift = registration.update(flight, leaning)
+    registration, shift = sighted(leaning, (0.0, 0.5, 0.0), (0.0, 0.0, 0.0), heading_rad=0.02)
     assert shift[1] == pytest.approx(0.5, abs=0.05)
     assert registration.aim_w[1] - shift[1] == pytest.approx(-7.0 * 0.02, abs=0.02)
