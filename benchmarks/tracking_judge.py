@@ -66,6 +66,8 @@ class SideFigures:
     planned: float
     fine: float | None
     """Share of the covered skin at 1.0 mm/px or better; None where none is covered."""
+    area_m2: float
+    """Of the side's whole skin."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,6 +146,7 @@ def _sides(
                 own=0.0 if own is None or own.coverage is None else own.coverage,
                 planned=0.0 if own is None else own.planned_m / own.length_m,
                 fine=float((gsd_mm[seen] <= 1.0).mean()) if seen.any() else None,
+                area_m2=skin.area_m2,
             )
         )
     return sorted(figures, key=lambda one: (one.blade, one.side))

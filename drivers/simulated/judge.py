@@ -46,6 +46,8 @@ class Skin:
     side: str
     points_w: Float32
     normals_w: Float32
+    area_m2: float
+    """Of the whole side."""
 
 
 def side_view_w(frame: BladeFrame, twist_rad: float, side: str) -> Float:
@@ -71,14 +73,15 @@ def skin_samples(mesh: Mesh, scene: Scene) -> list[Skin]:
         for side in SIDES:
             view = side_view_w(frame, twist, side)
             rows = np.flatnonzero((mesh.part == index) & (normals @ view >= _FACING_COS))
-            weights = area[rows] / area[rows].sum()
-            picked = rng.choice(rows, _SAMPLES, p=weights)
+            whole_m2 = float(area[rows].sum())
+            picked = rng.choice(rows, _SAMPLES, p=area[rows] / whole_m2)
             u, v = rng.random((2, _SAMPLES, 1))
             over = u + v > 1.0
             u, v = np.where(over, 1 - u, u), np.where(over, 1 - v, v)
             a, b, c = (corners[picked, k] for k in range(3))
             points = (a + u * (b - a) + v * (c - a)).astype(np.float32)
-            skins.append(Skin(index, side, points, normals[picked].astype(np.float32)))
+            normals_w = normals[picked].astype(np.float32)
+            skins.append(Skin(index, side, points, normals_w, whole_m2))
     return skins
 
 

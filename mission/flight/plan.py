@@ -18,7 +18,7 @@ from config.settings import Settings
 from config.turbine import Turbine
 from mission.flight.around import bearing_rad
 from mission.flight.leg import Leg, SidePass
-from mission.flight.passes import UPRIGHT, plan_side
+from mission.flight.passes import UPRIGHT, side_steps
 from mission.flight.rotor_model import RotorModel
 from mission.flight.route import BEYOND_TIPS_M, OUTSIDE_COST, Roadmap, roadmap_steps
 from perception.geometry import wrap_angle
@@ -53,10 +53,13 @@ def plan_steps(
     ``home_w``: (3,) where the flight ends; the last leg lies towards it.
     """
     frames = {frame.name: frame for frame in model.frames}
-    passes = []
+    passes: list[SidePass] = []
     for blade, side in wanted:
-        passes.append(plan_side(frames[blade], side, model, turbine, settings, ground_m, lean_w))
-        yield None
+        steps = side_steps(frames[blade], side, model, turbine, settings, ground_m, lean_w)
+        for side_pass in steps:
+            if side_pass is not None:
+                passes.append(side_pass)
+            yield None
     roadmap: Roadmap | None = None
     for step in roadmap_steps(model, settings.airframe.radius_m, ground_m + WAY_GROUND_MARGIN_M):
         roadmap = step

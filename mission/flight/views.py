@@ -35,7 +35,7 @@ WOBBLE_DEG = 3.0
 STEEPEST_DEG = -76.0
 #: Where the LiDAR does not see the blade, the vehicle flies on the fitted rotor: farther away, and
 #: clearer of everything by so much.
-BLIND_DISTANCE_M = 14.0
+BLIND_DISTANCE_M = 13.0
 BLIND_MARGIN_M = 1.0
 BLIND_WORTH = 0.85
 #: What a view is worth by its angle off the straight one: skin that faces the side's own view is

@@ -103,8 +103,8 @@ def test_what_the_lidar_tells_lies_on_the_true_turbine(small):
 
 @pytest.fixture
 def flown_once():
-    side = SideFigures("A", "PS", 0.97, 0.99, 1.0, 0.98, 1.0, 0.96)
-    bare = SideFigures("A", "SS", 0.0, 0.0, 1.0, 0.0, 1.0, None)
+    side = SideFigures("A", "PS", 0.97, 0.99, 1.0, 0.98, 1.0, 0.96, 120.0)
+    bare = SideFigures("A", "SS", 0.0, 0.0, 1.0, 0.0, 1.0, None, 12.0)
     photo = PhotoFigures("A", "PS", 3.0, None, 0.01, 0.3, 0.2, 12.0, again=False, in_rows=True)
     return Mission(
         number=4, model="x", wind="5 m/s", profile="rtk", straight=True, blade_m=40.0,
@@ -125,7 +125,7 @@ def test_the_rows_compare_with_their_goals(flown_once):
 
 
 def test_a_mission_that_was_ended_does_not_count_for_how_well_sides_are_seen(flown_once):
-    side = SideFigures("A", "PS", 0.2, 0.2, 1.0, 0.2, 1.0, 0.96)
+    side = SideFigures("A", "PS", 0.2, 0.2, 1.0, 0.2, 1.0, 0.96, 120.0)
     ended = dataclasses.replace(flown_once, state="ended_safely", sides=(side,))
     by_name = {row.name: row for row in rows([flown_once, ended])}
     assert by_name["coverage PS, whole, mean of the completed"].value == 0.97

@@ -45,7 +45,7 @@ PUSH_MPS = 0.4
 #: Too near by so much it is made good in this time, and by so much more is kept.
 PUSH_TIME_S, PUSH_SPARE_M = 1.5, 0.1
 MOST_PUSH_M = 4.0
-#: A blade that is not seen is flown past on the fitted rotor, from this far at least.
+#: A blade that was to be seen and is not is flown past on the fitted rotor, from this far at least.
 UNSEEN_M = 14.0
 
 
@@ -224,7 +224,7 @@ class Registration:
         towards = np.array(clearance.nearest_w) - flight.here_w
         ahead = float(towards @ -leg.view_w) > 0.8 * float(np.linalg.norm(towards))
         missing = least + PUSH_SPARE_M - near if ahead else -math.inf
-        if lost_s > flight.settings.tracking.lost_foot_s:
+        if lost_s > flight.settings.tracking.lost_foot_s and not leg.blind:
             wanted = leg.distance_at(leg.metre_of(flight.here_w - self.shift_w))
             missing = max(missing, UNSEEN_M - wanted - self._push)
         change = missing * flight.dt_s / PUSH_TIME_S

@@ -66,8 +66,11 @@ def test_the_last_leg_lies_towards_home():
 def test_the_way_out_that_is_homeward_ends_nearer_to_home_than_the_shortest():
     model, _, found = planned(17.0, 85.0)
     here = found.legs[-1].line()[-1]
-    home = model.hub_w + np.array([-80.0, 70.0, -84.0])
-    shortest, homeward = found.roadmap.way_out(here), found.roadmap.way_out(here, home)
+    shortest = found.roadmap.way_out(here)
+    # Home lies where the shortest way does not lead.
+    home = model.hub_w - 2.0 * (shortest[-1] - model.hub_w)
+    home[2] = 0.0
+    homeward = found.roadmap.way_out(here, home)
     assert np.linalg.norm(homeward[-1] - home) < np.linalg.norm(shortest[-1] - home) - 5.0
     for a, b in itertools.pairwise(homeward):
         points = a + np.linspace(0, 1, 60)[:, None] * (b - a)
