@@ -73,7 +73,10 @@ class Tracking(ConfigModel):
     overlap: Annotated[float, Field(ge=0, le=0.8)] = 0.3
     """Of successive photos along the blade, share of a picture; photogrammetry needs 0.6."""
     max_view_turn_deg: Annotated[float, Field(ge=0, le=60)] = 45.0
-    """How far a pass may be turned about the blade from its side's own view, to be clear."""
+    """How far a side's first view may be turned about the blade from the straight one, to be clear.
+
+    Further views look at what that one does not show, from farther round.
+    """
     max_gsd_mm: Positive = 1.5
     """A pixel of a photo at its full size shows at most so many mm of skin."""
     lost_foot_s: Positive = 2.0
