@@ -50,7 +50,7 @@ class Estimate:
         self._begun_s: float | None = None
         self._sequence = -1
         self._good: list[RotorEstimate] = []
-        self._refused = 0
+        self._taken = self._refused = 0
         self._moving = False
         self._work: Iterator[Plan | None] | None = None
 
@@ -87,7 +87,7 @@ class Estimate:
             return intent
         estimation = flight.settings.estimation
         late = flight.now_s - self._begun_s > estimation.timeout_s
-        if late or flight.iterations >= estimation.max_iterations:
+        if late or self._taken >= estimation.max_iterations:
             words = "the stop angle did not converge"
             if newest is not None and newest.refusal is not None:
                 words += f": {newest.refusal_text or newest.refusal}"
@@ -96,6 +96,7 @@ class Estimate:
 
     def _take(self, flight: Flight, estimate: RotorEstimate) -> None:
         flight.iterations += 1
+        self._taken += 1
         if estimate.refusal is not None:
             self._refused += 1
             if estimate.refusal not in SAW_TOO_LITTLE:

@@ -34,6 +34,9 @@ ROTOR_SIGMA_M = 0.4
 MOVED_M = 3.0
 MOVED_PER_METRE = 0.03
 DRIFTED_M, DRIFTED_S = 3.0, 120.0
+#: The turbine's sight tells the drift for so long; a position that wanders by one sigma, then and
+#: now, is believed to have drifted by so many.
+TOLD_S, MOST_WANDER = 10.0, 4.2
 #: A blade does not jump: an offset that does is something else's, or found again after a loss.
 JUMP_M = 1.5
 #: Unless it stays: then it is what the sensor sees now.
@@ -147,10 +150,8 @@ class Registration:
             offset = np.array(track.offset_w) - leg.centre(metre)
             size = float(np.linalg.norm(offset))
             if math.isfinite(size) and not self._jumped(offset, step_s):
-                limit = MOVED_M + MOVED_PER_METRE * max(0.0, metre)
-                if not self._leapt:
-                    limit += DRIFTED_M * min(1.0, _age_s(flight) / DRIFTED_S)
-                self.moved_s = self.moved_s + step_s if size > limit else 0.0
+                moved = self._moved(offset, metre, leg, flight)
+                self.moved_s = self.moved_s + step_s if moved else 0.0
                 live.correct(track.stamp_s, offset * min(1.0, MOST_M / max(size, 1e-6)), step_s)
                 self._learn(offset, metre, leg, flight)
         drift_w, lost_s = self._drift_at_blade(flight, leg), self.lost_s(flight)
@@ -193,6 +194,23 @@ class Registration:
         for across, sigma in ((view, DEPTH_SIGMA_M), (aside, ASIDE_SIGMA_M)):
             total = math.hypot(sigma, bend, noise)
             self._filter.measure(track.stamp_s, across, float(offset @ across), total)
+
+    def _moved(self, offset: Float, metre: float, leg: Leg, flight: Flight) -> bool:
+        """Return whether a blade's offset (3,) is more than drift and droop explain.
+
+        Sighted lately, the turbine as a whole tells the drift; no farther than a position wanders.
+        """
+        limit = MOVED_M + MOVED_PER_METRE * max(0.0, metre)
+        if flight.now_s - self._sighted_s < TOLD_S:
+            most_m = MOST_WANDER * flight.settings.positioning.wander_sigma_m
+            told_w = self._drift_at_blade(flight, leg)
+            told_w = told_w - _along(told_w, leg)
+            told_w = told_w * min(1.0, most_m / max(float(np.linalg.norm(told_w)), 1e-6))
+            if float(np.linalg.norm(offset - told_w)) <= limit:
+                return False
+        if not self._leapt:
+            limit += DRIFTED_M * min(1.0, _age_s(flight) / DRIFTED_S)
+        return float(np.linalg.norm(offset)) > limit
 
     def _jumped(self, offset: Float, step_s: float) -> bool:
         """Return whether an offset is not believed yet, because it came from one scan to the next.

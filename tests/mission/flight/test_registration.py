@@ -111,11 +111,26 @@ def sighted(leg, offset_w, turbine_w, *, heading_rad=0.0, settings=None):
     return registration, shift
 
 
-def test_a_sighting_of_the_turbine_tells_the_drift_along_the_blade():
+def by(method):
     settings = Settings()
-    gnss = settings.positioning.model_copy(update={"method": "gnss"})
-    settings = settings.model_copy(update={"positioning": gnss})
-    registration, shift = sighted(LEG, (0.3, -0.2, 0.0), (0.3, -0.2, 2.0), settings=settings)
+    positioning = settings.positioning.model_copy(update={"method": method})
+    return settings.model_copy(update={"positioning": positioning})
+
+
+@pytest.mark.parametrize(
+    ("method", "turbine_w", "moved"),
+    [("gnss", (0.3, 4.9, 0.0), False), ("gnss", (0.0, 0.0, 0.0), True),
+     ("rtk", (0.3, 4.9, 0.0), True)],
+)  # fmt: skip
+def test_a_blade_that_the_whole_turbine_went_with_has_not_moved_unless_no_position_drifts_so(
+    method, turbine_w, moved
+):
+    registration, _ = sighted(LEG, (0.3, 4.9, 0.0), turbine_w, settings=by(method))
+    assert (registration.moved_s > 2.0) is moved
+
+
+def test_a_sighting_of_the_turbine_tells_the_drift_along_the_blade():
+    registration, shift = sighted(LEG, (0.3, -0.2, 0.0), (0.3, -0.2, 2.0), settings=by("gnss"))
     assert shift == pytest.approx([0.3, -0.2, 2.0], abs=0.15)
     assert registration.drift_w[2] == pytest.approx(2.0, abs=0.1)
 
