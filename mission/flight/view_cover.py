@@ -101,7 +101,8 @@ class _Cover:
         grid, skin = self.section.grid_m, self.skin
         near = np.rint(skin.metres / (grid[1] - grid[0])).astype(np.intp)
         self._place = np.clip(near, 0, len(grid) - 1)
-        self._shares = skin.areas_m2 / float(skin.areas_m2.sum())
+        # A trailing edge so sharp that no skin faces its view is flown straight.
+        self._shares = skin.areas_m2 / max(float(skin.areas_m2.sum()), 1e-9)
         feet = self.frame.root_w + skin.metres[:, None] * self.frame.axis_w
         self._offsets_w = skin.points_w - feet
 

@@ -264,7 +264,7 @@ def sensing_dies():
 
 def sensing_dies_three_times():
     def change(flight, observation, t_s):
-        if t_s % 8.0 >= 1.0:
+        if t_s % 6.0 >= 1.0:
             return observation
         return dataclasses.replace(observation, sensing_alive=False)
 

@@ -1,6 +1,7 @@
 """The views of a side are few, show its skin, and show it finely where they can."""
 
 import math
+from dataclasses import astuple
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from config.settings import Settings
 from mission.flight.footprint import gsd_m
 from mission.flight.passes import UPRIGHT
 from mission.flight.section import Section
-from mission.flight.skin import INCIDENCE_COS, blade_skin
+from mission.flight.skin import INCIDENCE_COS, Skin, blade_skin
 from mission.flight.view_cover import FINE_GSD_MM, MIN_GAIN, cover_steps
 from mission.flight.views import Around
 
@@ -105,3 +106,16 @@ def test_a_side_that_no_gimbal_can_look_at_still_tells_why():
     unseen = ~chosen[0].view.seen
     assert unseen.any()
     assert all(chosen[0].view.reason[metre] for metre in np.flatnonzero(unseen))
+
+
+def test_an_edge_too_sharp_to_have_skin_is_flown_straight(monkeypatch):
+    def sharp(frame, turbine):
+        skins = blade_skin(frame, turbine)
+        none = np.zeros(len(skins["TE"].metres), bool)
+        empty = Skin(*(column[none] for column in astuple(skins["TE"])))
+        return {**skins, "TE": empty}
+
+    monkeypatch.setattr("mission.flight.view_cover.blade_skin", sharp)
+    (only,), *_ = views_of("A", "TE")
+    assert (only.view.turn_deg, only.view.slant_deg) == (0, 0)
+    assert only.stretch.any()
