@@ -44,7 +44,9 @@ class StandOff:
 
     def step(self, flight: Flight) -> Intent:
         """Fly out; the next phase begins outside the sphere."""
-        here, words = flight.here_w, "leaving the rotor"
+        # The roadmap is the plan's: it lies where the position has drifted to since.
+        shift, words = flight.drift_w, "leaving the rotor"
+        here = flight.here_w - shift
         outside = float(np.linalg.norm(here - flight.hub_w)) >= flight.sphere_radius_m
         if outside:
             return Intent("clear of the rotor", setpoint=flight.hold(), then=self._then)
@@ -55,13 +57,18 @@ class StandOff:
             fresh = scan is not None and flight.now_s - scan.stamp_s < 0.5
             # All flown: the way that is soonest home. Something is wrong: the shortest.
             homeward = isinstance(self._then, Home) and flight.outcome is None
-            flight.go(way_out(flight, homeward), OUT_SPEED_MPS if fresh else BLIND_SPEED_MPS)
-        return Intent(words, setpoint=flight.follow(flight.yaw_to(flight.hub_w)))
+            speed_mps = OUT_SPEED_MPS if fresh else BLIND_SPEED_MPS
+            flight.go(way_out(flight, homeward), speed_mps, shift)
+        yaw = flight.yaw_to(flight.hub_w + shift)
+        return Intent(words, setpoint=flight.follow(yaw, 1.0, shift))
 
 
 def way_out(flight: Flight, homeward: bool) -> Float:
-    """Return points (K, 3) from near the vehicle to outside the sphere, if need be homeward."""
-    here, hub = flight.here_w, flight.hub_w
+    """Return points (K, 3) from near the vehicle to outside the sphere, if need be homeward.
+
+    In the plan's frame: to be moved by the position's drift when they are flown.
+    """
+    here, hub = flight.here_w - flight.drift_w, flight.hub_w
     if flight.plan is not None:
         home = np.array(flight.home_w) if homeward and flight.home_w is not None else None
         way = flight.plan.roadmap.way_out(here, home)
