@@ -286,11 +286,12 @@ class Flight:
         slow: float = 1.0,
         shift_w: Float | None = None,
         *,
-        firm: bool = False,
+        firm: bool | None = None,
     ) -> Setpoint:
         """Return the next setpoint along the path that `go` began.
 
-        ``firm``: the LiDAR sees the line that is flown along, and the vehicle is held to it.
+        ``firm``: gusts shall not push the vehicle off the line; True where the LiDAR sees that
+        line, False where only the position tells it, whose noise is let be. None: far from all.
         """
         scan_rate = self._scan_rate_hz()
         # Travel per scan stays below 0.2 m near the turbine, whatever the scan rate.
@@ -298,7 +299,7 @@ class Flight:
             slow *= max(0.2, scan_rate / 10.0)
         return self.follower.follow(
             self.vehicle.position_w, yaw_rad, self.dt_s, slow=slow, shift_w=shift_w,
-            velocity_w=self.vehicle.velocity_w if firm else None,
+            velocity_w=None if firm is None else self.vehicle.velocity_w, slack=firm is False,
         )  # fmt: skip
 
     def hold(self, yaw_rad: float | None = None) -> Setpoint:

@@ -29,6 +29,9 @@ BRAKING_SHARE = 0.6
 BACK_PER_S, OPPOSED_SHARE = 1.0, 0.5
 #: The measured velocity is smoothed by so much, and the velocity added stays below this.
 ACROSS_TIME_S, MOST_BACK_MPS = 0.1, 0.8
+#: On a way by a position that is not told by the LiDAR, so much beside the line is the position's
+#: own noise; farther off a gust has pushed the vehicle, and it is brought back with so much more.
+SLACK_M, MOST_FROM_GUST_MPS = 0.7, 1.6
 
 
 class Path:
@@ -166,12 +169,14 @@ class Follower:
         slow: float = 1.0,
         shift_w: Float | None = None,
         velocity_w: Vec3 | None = None,
+        slack: bool = False,
     ) -> Setpoint:
         """Return the next setpoint along the path.
 
         ``slow`` scales the speed (0 stops); ``shift_w`` moves the whole path, as LiDAR
         registration asks; ``velocity_w``, the vehicle's own, holds it to the line more firmly than
-        the autopilot's gains do: for where the line is one that the LiDAR sees.
+        the autopilot's gains do; with ``slack`` only where it is clearly off the line: for a line
+        that the LiDAR does not see.
         """
         if self._path is None:
             return self.hold(position_w, yaw_rad, dt_s)
@@ -190,19 +195,26 @@ class Follower:
             point = point + shift_w
         velocity = tangent * (self._speed if self.left_m > 1e-3 else 0.0)
         if velocity_w is not None:
-            velocity = velocity + self._back(lead, tangent, np.array(velocity_w), dt_s)
+            velocity = velocity + self._back(lead, tangent, np.array(velocity_w), dt_s, slack)
         return Setpoint(vec3(point), vec3(velocity), self._turn(yaw_rad, dt_s))
 
-    def _back(self, lead: Float, tangent: Float, velocity: Float, dt_s: float) -> Float:
+    def _back(
+        self, lead: Float, tangent: Float, velocity: Float, dt_s: float, slack: bool
+    ) -> Float:
         """Return the velocity (3,) that is added to come back onto the line."""
         across = velocity - (velocity @ tangent) * tangent
         self._across_w = self._across_w + (across - self._across_w) * (
             dt_s / (ACROSS_TIME_S + dt_s)
         )
-        off = lead - (lead @ tangent) * tangent
+        off, most_mps = lead - (lead @ tangent) * tangent, MOST_BACK_MPS
+        if slack:
+            far = float(np.linalg.norm(off))
+            if far <= SLACK_M:
+                return np.zeros(3)
+            off, most_mps = off * (1 - SLACK_M / far), MOST_FROM_GUST_MPS
         back: Float = BACK_PER_S * off - OPPOSED_SHARE * self._across_w
         size = float(np.linalg.norm(back))
-        return back * min(1.0, MOST_BACK_MPS / max(size, 1e-6))
+        return back * min(1.0, most_mps / max(size, 1e-6))
 
     def arrived(self, position_w: Vec3, within_m: float = 0.6) -> bool:
         """Return whether the path is at its end and the vehicle near it."""

@@ -60,7 +60,7 @@ class StandOff:
             speed_mps = OUT_SPEED_MPS if fresh else BLIND_SPEED_MPS
             flight.go(way_out(flight, homeward), speed_mps, shift)
         yaw = flight.yaw_to(flight.hub_w + shift)
-        return Intent(words, setpoint=flight.follow(yaw, 1.0, shift))
+        return Intent(words, setpoint=flight.follow(yaw, 1.0, shift, firm=False))
 
 
 def way_out(flight: Flight, homeward: bool) -> Float:

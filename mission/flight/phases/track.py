@@ -190,7 +190,7 @@ class Track:
                 return Intent("no clear way", setpoint=flight.hold(yaw))
             self._moving = True
             flight.go(way, flight.settings.guard.max_speed_near_mps, shift)
-        setpoint = flight.follow(yaw, 1.0, shift)
+        setpoint = flight.follow(yaw, 1.0, shift, firm=False)
         if flight.arrived(0.8, shift):
             self._running, self._moving = True, False
         return Intent(words, setpoint=setpoint, gimbal=gimbal, ev=_ev(flight))

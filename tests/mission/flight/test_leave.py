@@ -20,8 +20,8 @@ class Leaving(SimpleNamespace):
     def go(self, points_w, _speed_mps, shift_w):
         self.way_w = np.asarray(points_w) + shift_w
 
-    def follow(self, yaw_rad, slow, shift_w):
-        assert slow == 1.0
+    def follow(self, yaw_rad, slow, shift_w, *, firm):
+        assert (slow, firm) == (1.0, False)
         self.shift_w = shift_w
         return ("setpoint", yaw_rad)
 

@@ -87,16 +87,21 @@ def test_a_path_of_one_point_does_not_move():
     assert all(np.isfinite(p).all() and np.isfinite(v).all() for p, v, _ in sent)
 
 
-def pushed(firm, seconds=12.0):
-    """Fly along a line under a gust from the side; return the largest distance from it."""
+def pushed(by_mps2=0.8, noise_m=0.0, *, held=True, slack=False):
+    """Fly along a line under a gust from the side; return the largest distance from it.
+
+    ``noise_m``: how far the position told is beside the true one, to and fro each second.
+    """
     follower, airframe = Follower(Airframe(), 1.0), Airframe()
     follower.start(Path(np.array([(0.0, 0, 50), (40.0, 0, 50)]), 2.0, airframe))
     position, velocity, off = np.array([0.0, 0, 50]), np.zeros(3), []
-    for tick in range(round(seconds / DT)):
-        told = tuple(velocity) if firm else None
-        setpoint = follower.follow(tuple(position), 0.0, DT, velocity_w=told)
-        wanted = 0.95 * (np.array(setpoint.position_w) - position) + setpoint.velocity_w
-        gust = np.array([0.0, 0.8 if 4 < tick * DT < 8 else 0.0, 0.0])
+    for tick in range(round(12.0 / DT)):
+        told = position + np.array([0.0, noise_m if tick % 20 < 10 else -noise_m, 0.0])
+        setpoint = follower.follow(
+            tuple(told), 0.0, DT, velocity_w=tuple(velocity) if held else None, slack=slack
+        )
+        wanted = 0.95 * (np.array(setpoint.position_w) - told) + setpoint.velocity_w
+        gust = np.array([0.0, by_mps2 if 4 < tick * DT < 8 else 0.0, 0.0])
         velocity = velocity + DT * (1.8 * (wanted - velocity) + gust)
         position = position + DT * velocity
         off.append(abs(position[1]))
@@ -104,4 +109,11 @@ def pushed(firm, seconds=12.0):
 
 
 def test_where_the_lidar_sees_the_line_a_gust_moves_the_vehicle_half_as_far_from_it():
-    assert pushed(firm=True) < 0.55 * pushed(firm=False)
+    assert pushed() < 0.55 * pushed(held=False)
+
+
+def test_by_the_position_alone_a_strong_gust_is_met_and_the_positions_noise_is_not_followed():
+    loose = pushed(3.0, held=False)
+    assert loose > 2.0
+    assert pushed(3.0, slack=True) < 0.7 * loose
+    assert pushed(0.0, noise_m=0.4, slack=True) == pushed(0.0, noise_m=0.4, held=False)
