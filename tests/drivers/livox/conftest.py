@@ -1,3 +1,4 @@
+import random
 import socket
 from contextlib import ExitStack
 
@@ -10,10 +11,7 @@ from config.sensors import Lidar
 def loopback():
     """LiDAR settings on free ports of this host."""
     with ExitStack() as stack:
-        socks = [stack.enter_context(socket.socket(type=socket.SOCK_DGRAM)) for _ in range(5)]
-        for sock in socks:
-            sock.bind(("127.0.0.1", 0))
-        ports = [sock.getsockname()[1] for sock in socks]
+        ports = [_free_port(stack) for _ in range(5)]
     return Lidar(
         lidar_ip="127.0.0.1",
         host_ip="127.0.0.1",
@@ -23,3 +21,17 @@ def loopback():
         host_point_port=ports[3],
         host_imu_port=ports[4],
     )
+
+
+def _free_port(held):
+    """Return a port that is free until ``held`` is closed, and that nobody is given by chance.
+
+    Below those that the system hands out: what runs beside would be given one of them at any time.
+    """
+    while True:
+        sock = held.enter_context(socket.socket(type=socket.SOCK_DGRAM))
+        try:
+            sock.bind(("127.0.0.1", random.randrange(20_000, 32_000)))
+        except OSError:
+            continue
+        return sock.getsockname()[1]
