@@ -78,21 +78,6 @@ def side_steps(
     yield SidePass(frame.name, side, legs, unseen, planned, length)
 
 
-def plan_side(
-    frame: BladeFrame,
-    side: str,
-    model: RotorModel,
-    turbine: Turbine,
-    settings: Settings,
-    ground_m: float,
-) -> SidePass:
-    """Plan a side in one go; see `side_steps`."""
-    *_, last = side_steps(frame, side, model, turbine, settings, ground_m)
-    if last is None:
-        raise RuntimeError("the side's plan was not finished")
-    return last
-
-
 def _legs(
     frame: BladeFrame,
     side: str,

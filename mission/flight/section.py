@@ -32,10 +32,6 @@ class Section:
         self._half_chord_w = 0.5 * chord[:, None] * lead
         self._half_thick_m = 0.5 * chord * thickness
 
-    def part(self, first: int, end: int) -> Section:
-        """Return a stretch of the grid by itself."""
-        return Section(self._frame, self.turbine, self.grid_m[first:end])
-
     def across(self, view_w: Float) -> Float:
         """Return the unit direction (3,) across the blade, square to the view."""
         across: Float = np.asarray(np.cross(self._frame.axis_w, view_w), np.float64)

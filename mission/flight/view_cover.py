@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from config.settings import Settings
+from mission.flight.footprint import gsd_m
 from mission.flight.section import Section
 from mission.flight.sides import BladeFrame, side_view
 from mission.flight.skin import Skin, blade_skin
@@ -76,10 +77,8 @@ def cover_steps(
 
 def _fine_m(settings: Settings) -> float:
     """Return the distance up to which a picture is fine."""
-    camera = settings.camera
-    pixel_mm = camera.sensor_width_mm / camera.width_px
     gsd_mm = min(FINE_GSD_MM, settings.tracking.max_gsd_mm)
-    return gsd_mm * camera.focal_length_mm / pixel_mm / 1000.0 - WANDER_M
+    return gsd_mm / 1000.0 / gsd_m(1.0, settings) - WANDER_M
 
 
 @dataclass(slots=True)
@@ -128,11 +127,7 @@ class _Cover:
         shown = self.worths[first]
         while len(chosen) < MOST_VIEWS:
             added = [np.maximum(worth - shown, 0.0) for worth in self.worths]
-            gains = np.array([float(self._shares @ more) for more in added])
-            scores = [
-                self._score(view, more) if gain >= MIN_GAIN else 0.0
-                for view, more, gain in zip(self.views, added, gains, strict=True)
-            ]
+            scores = [self._score(view, more) for view, more in zip(self.views, added, strict=True)]
             best = int(np.argmax(scores))
             if scores[best] <= 0.0:
                 break
@@ -156,9 +151,12 @@ class _Cover:
         return int(np.argmax(turned if max(turned) > 0.0 else values))
 
     def _score(self, view: View, added: Float) -> float:
-        """Return what a further view adds for the length that it is flown along."""
+        """Return what a further view adds for the length that it is flown along; 0: too little."""
+        gain = float(self._shares @ added)
+        if gain < MIN_GAIN:
+            return 0.0
         stretch = float(self._where(added).mean())
-        return float(self._shares @ added) * math.sqrt(view.worth) / (WAY_SHARE + stretch)
+        return gain * math.sqrt(view.worth) / (WAY_SHARE + stretch)
 
     def _where(self, added: Float) -> Mask:
         """Return which metres (M,) lie between the first and the last where enough is added."""

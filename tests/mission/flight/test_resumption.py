@@ -2,7 +2,6 @@
 
 import dataclasses
 import itertools
-import math
 import os
 
 import numpy as np
@@ -20,11 +19,9 @@ from mission.flight.observation import BladeEstimate, RequestKind, RotorEstimate
 from mission.flight.resumption import look_from, renamed, section_of, turned_words
 from mission.flight.sides import blade_frame
 from perception.rotor import blade_angles_deg
+from tests.faults.killing import SAME_PLACE_M, SAME_SIGHT
 
 TURBINE = load_turbine("v27")
-#: Two photos of one metre, taken from places nearer than this and looking the same way, are one
-#: photo taken twice.
-SAME_PLACE_M, SAME_SIGHT = 0.8, math.cos(math.radians(4.0))
 
 
 def mission(truth=None, battery=1.0, earlier=None, sides=("PS", "SS"), blades=("A", "B")):

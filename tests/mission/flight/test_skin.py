@@ -8,7 +8,7 @@ import pytest
 from config.presets import load_turbine
 from config.settings import Settings
 from mission.flight.ledger import Ledger, PhotoStatus
-from mission.flight.passes import plan_side
+from mission.flight.passes import side_steps
 from mission.flight.rotor_model import MeasuredBlade, rotor_model
 from mission.flight.sides import blade_frame, side_view
 from mission.flight.skin import Look, blade_skin
@@ -74,7 +74,7 @@ def flown():
     names = (("A", DOWN), ("B", (0.866, 0.0, 0.5)), ("C", (-0.866, 0.0, 0.5)))
     blades = [MeasuredBlade(name, direction, 2.0) for name, direction in names]
     model = rotor_model(HUB, NORMAL, blades, TURBINE)
-    side = plan_side(model.frames[0], "PS", model, TURBINE, SETTINGS, 0.0)
+    *_, side = side_steps(model.frames[0], "PS", model, TURBINE, SETTINGS, 0.0)
     ledger = Ledger()
     ledger.measured({"A": blade_skin(model.frames[0], TURBINE)})
     ledger.open_side(side)
@@ -129,7 +129,8 @@ def test_a_chord_wider_than_the_picture_is_photographed_in_rows():
     broad = load_turbine("dtu-10mw")
     hub = np.array([0.0, 0.0, 119.0])
     model = rotor_model(hub, NORMAL, [MeasuredBlade("A", DOWN, 2.0)], broad)
-    one, other = plan_side(model.frames[0], "PS", model, broad, SETTINGS, 0.0).legs
+    *_, side = side_steps(model.frames[0], "PS", model, broad, SETTINGS, 0.0)
+    one, other = side.legs
     widest = other.photos[len(other.photos) // 2]
     assert one.aside(widest) == pytest.approx(-other.aside(widest))
     assert np.linalg.norm(one.aside(widest)) > 0.4
