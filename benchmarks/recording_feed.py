@@ -28,6 +28,7 @@ from config.turbine import Site
 from drivers.autopilot_tap import TAP_FILE
 from drivers.bus import Bus, Key
 from drivers.codecs import encode_frame, encode_points, encode_scan
+from drivers.free_port import free_port
 from mission.flight.observation import BladeTrack, FlightMode, GimbalState, RequestKind, Vehicle
 from mission.processes.runtime import SETTINGS_FILE
 from mission.remote.messages import Intent, ReadyMessage, VehicleMessage
@@ -39,13 +40,6 @@ PROBE = "probe"
 TICK_S = 0.05
 _LINK_PER_TICK = 10
 _START_S = 60.0
-
-
-def free_port(kind: socket.SocketKind = socket.SOCK_STREAM) -> int:
-    """Return a port of loopback that nobody uses at the moment."""
-    with socket.socket(socket.AF_INET, kind) as trial:
-        trial.bind(("127.0.0.1", 0))
-        return int(trial.getsockname()[1])
 
 
 class FedRecorder:

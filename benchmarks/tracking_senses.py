@@ -39,6 +39,8 @@ PITCH_SIGMA_DEG = 1.0
 _JITTER = 0.25
 _AROUND_M, _AROUND_POINTS, _REACH_M = 30.0, 1500, 45.0
 _SEEN_M = 65.0
+#: Of a blade that is farther away, too few points come back to tell whether it moves.
+_BLADE_SEEN_M = 55.0
 _STATIONS = 120
 
 
@@ -183,6 +185,8 @@ class Senses:
         tower = self._local(np.array([0.0, 0.0, 5.0]))
         hub = self._local(self._frame.hub_w) + 0.5 * self._bias[:3]
         known = high or (self.prior is not None and self.prior.normal_w is not None)
+        here = np.array([body.x, body.y, body.z])
+        near_m = min(math.dist(here, blade.beside(here)[1]) for blade in self.blades.values())
         self.prior = HubPrior(
             stamp_s=now_s,
             tower_w=vec3(tower),
@@ -191,7 +195,7 @@ class Senses:
             hub_w=vec3(hub) if known else None,
             normal_w=vec3(level) if known else None,
             sigma_m=1.0 if high else 2.0,
-            turning=False if known else None,
+            turning=False if known and near_m < _BLADE_SEEN_M else None,
         )
 
     def _measure(self, now_s: float) -> None:

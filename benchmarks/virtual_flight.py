@@ -75,6 +75,10 @@ class Truth:
     turning: bool = False
     side_known_within_deg: float = 360.0
     """Angle off front or back within which sensing tells the rotor's side."""
+    still_seen_within_m: float = math.inf
+    """Distance from a blade within which sensing tells whether the rotor turns."""
+    sigma_deg: float | None = None
+    """What an estimate says of itself; None: what it errs by."""
     position_noise_m: float = 0.0
     angle_noise_deg: float = 0.05
 
@@ -331,7 +335,8 @@ class VirtualFlight:
     def _survey(self) -> None:
         tower = np.array(self.truth.tower_w)
         offset = self.position - tower
-        if math.hypot(offset[0], offset[1]) > SEEN_FROM_M or self.position[2] < 5.0:
+        seen_from_m = max(SEEN_FROM_M, self.turbine.rotor_radius_m + 20.0)
+        if math.hypot(offset[0], offset[1]) > seen_from_m or self.position[2] < 5.0:
             return
         model = self._model
         high = self.position[2] > 0.6 * self.turbine.hub_height_m
@@ -350,8 +355,17 @@ class VirtualFlight:
             hub_w=vec3(model.hub_w + self._rng.normal(0, 0.5, 3)) if told else None,
             normal_w=vec3(level) if told else None,
             sigma_m=1.0 if high else 2.0,
-            turning=self.truth.turning if told else None,
+            turning=self.truth.turning if told and self._sees_blades() else None,
         )
+
+    def _sees_blades(self) -> bool:
+        within_m = self.truth.still_seen_within_m
+        if not math.isfinite(within_m):
+            return True
+        metres = np.linspace(0.0, self._model.frames[0].length_m, 30)
+        points = [f.root_w + metres[:, None] * f.axis_w for f in self._model.frames]
+        apart = np.linalg.norm(np.concatenate(points) - self.position, axis=1)
+        return bool(apart.min() < within_m)
 
     def _measure(self) -> None:
         self._sequence += 1
@@ -363,7 +377,7 @@ class VirtualFlight:
             hub_w=vec3(model.hub_w + self._rng.normal(0, self.truth.angle_noise_deg, 3)),
             normal_w=vec3(model.normal_w),
             stop_angle_deg=(self.truth.stop_angle_deg + noise) % 120.0,
-            sigma_deg=self.truth.angle_noise_deg,
+            sigma_deg=self.truth.sigma_deg or self.truth.angle_noise_deg,
             blades=tuple(
                 BladeEstimate(
                     frame.name,

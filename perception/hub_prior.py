@@ -22,6 +22,9 @@ from perception.voxel_hash import EMPTY, Int64, compiled, pack, rebuild, slot_of
 
 #: The site's ground height and the type's tower height together are not worse than this.
 MAX_TOP_ERROR_M = 12.0
+#: What is seen over less than this share of the tower's length seen before, and stands this far
+#: from it, is a blade that points up or down.
+SHORT_SHARE, ELSEWHERE_M = 0.5, 4.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,6 +65,7 @@ class TowerSurvey:
         self._voxel_m = voxel_m
         self._keep_s = keep_s
         self._stamp_s = 0.0
+        self._longest: Tower | None = None
         self._count = 0
         self._keys = np.full(1 << 18, EMPTY, np.int64)
         self._rows = np.zeros(1 << 18, np.int64)
@@ -100,6 +104,7 @@ class TowerSurvey:
         )
         if tower is None:
             return None
+        tower = self._known(tower)
         if not self._top_is_credible(tower):
             tower = replace(tower, top_m=None)
         hub_z, height_sigma = self._hub_height(tower)
@@ -116,6 +121,20 @@ class TowerSurvey:
         sigma = math.hypot(tower.sigma_m, height_sigma, reach * found.sigma_rad, 0.4)
         yaw_sigma_deg = math.degrees(found.sigma_rad)
         return SurveyResult(self._stamp_s, tower, hub, -found.upwind_w, sigma, yaw_sigma_deg)
+
+    def _known(self, tower: Tower) -> Tower:
+        """Return the tower, or the one seen before where this one must be something else.
+
+        Of a large turbine the lower tower is out of view for minutes while the flight goes round
+        to the rotor's front.
+        """
+        before = self._longest
+        if before is None or _length_m(tower) >= SHORT_SHARE * _length_m(before):
+            if before is None or _length_m(tower) >= _length_m(before):
+                self._longest = tower
+            return tower
+        apart = (tower.at_height(tower.highest_m) - before.at_height(tower.highest_m))[:2]
+        return before if float(np.hypot(*apart)) > ELSEWHERE_M else tower
 
     def _top_is_credible(self, tower: Tower) -> bool:
         """A blade seen beyond the view of the tower can pass for something above its top."""
@@ -145,6 +164,11 @@ class TowerSurvey:
         self._count = count
         self._keys.fill(EMPTY)
         rebuild(self._keys, self._rows, self._key, count)
+
+
+def _length_m(tower: Tower) -> float:
+    """Return over which height a tower was seen."""
+    return tower.highest_m - float(tower.foot_w[2])
 
 
 @compiled

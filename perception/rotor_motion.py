@@ -90,8 +90,10 @@ class RotorMotionWatch:
         self._stamps_s.append(stamp_s)
         offset = points_w - self._hub_w
         depth = offset @ self._normal_w
-        # Blades stand before the tower; feathered chords reach a good metre downwind.
-        slab = (depth > -5.0) & (depth < 1.8)
+        # Blades stand before the tower, and lean and bend away from it by a tenth of their length;
+        # feathered chords reach a good metre downwind, more where the normal is wrong.
+        apart = np.linalg.norm(offset, axis=1)
+        slab = (depth > -5.0 - 0.1 * apart) & (depth < 1.8 + 0.03 * apart)
         if self._tower is not None:
             slab &= self._tower.surface_distance(points_w) > TOWER_SKIN_M
         offset = offset[slab]

@@ -39,6 +39,8 @@ class EarlierPhoto:
     kept: bool
     place: OnBlade | None = None
     """None where the blade's pitch was not known: then only the metre counts."""
+    exposed: bool = True
+    """False: out of the range of exposure."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -46,6 +46,8 @@ class Photo:
     """Metre that the optical axis met."""
     asked_s: float
     status: PhotoStatus = PhotoStatus.ASKED
+    exposed: bool = True
+    """False: it is out of the range of exposure, and kept as the best there is."""
     look: Look | None = None
     """Where it was really taken from, once the shutter was open."""
     shows: Mapping[str, Mask] = field(default_factory=dict)
@@ -117,8 +119,11 @@ class Ledger:
         skins = self._skins.get(photo.leg.blade, {})
         photo.shows = {side: skin.seen_in(look, settings) for side, skin in skins.items()}
 
-    def covered(self, blade: str, side: str) -> Mask | None:
-        """Return which facets of a side the kept photos of its blade show; None: not known."""
+    def covered(self, blade: str, side: str, *, well: bool = False) -> Mask | None:
+        """Return which facets of a side the kept photos of its blade show; None: not known.
+
+        ``well``: only those in the range of exposure count.
+        """
         skin = self._skins.get(blade, {}).get(side)
         if skin is None:
             return None
@@ -126,13 +131,13 @@ class Ledger:
         for photo in self._photos.values():
             mask = photo.shows.get(side)
             kept = photo.status is PhotoStatus.TAKEN and photo.leg.blade == blade
-            if kept and mask is not None and len(mask) == len(seen):
+            if kept and (photo.exposed or not well) and mask is not None and len(mask) == len(seen):
                 seen |= mask
         return seen
 
     def skin_share(self, blade: str, side: str) -> float | None:
-        """Return the share of a side's skin that the kept photos show; None: not known."""
-        seen, skin = self.covered(blade, side), self._skins.get(blade, {}).get(side)
+        """Return the share of a side's skin that photos show in range; None: not known."""
+        seen, skin = self.covered(blade, side, well=True), self._skins.get(blade, {}).get(side)
         return None if seen is None or skin is None else skin.share(seen)
 
     def reports(self, *, skins: bool = True) -> tuple[PassReport, ...]:
@@ -186,6 +191,12 @@ class Ledger:
         photo.status = status
         return photo
 
+    def judged(self, photo_id: int, *, exposed: bool) -> None:
+        """Write down how a kept photo is exposed."""
+        photo = self._photos.get(photo_id)
+        if photo is not None:
+            photo.exposed = exposed
+
     def taken(self) -> int:
         """Return how many photos exist and are kept."""
         return sum(p.status is PhotoStatus.TAKEN for p in self._photos.values())
@@ -193,14 +204,24 @@ class Ledger:
     def coverage(self, *, skipped: bool = True) -> float:
         """Return the share of the planned metres that is photographed.
 
-        ``skipped``: sides that the operator left out count as planned too.
+        A side whose skin is shown is done, whichever of its photos show it. ``skipped``: sides
+        that the operator left out count as planned too.
         """
         books = [book for book in self.sides.values() if skipped or not book.skipped]
         planned = sum(book.planned.planned_m for book in books)
-        done = sum(book.photographed_m() for book in books)
+        done = sum(self._done_m(book) for book in books)
         if planned <= 0:
             return 0.0 if books or not self.sides else 1.0
         return min(1.0, done / planned)
+
+    def _done_m(self, book: SideBook) -> float:
+        side, photographed_m = book.planned, book.photographed_m()
+        skin = self._skins.get(side.blade, {}).get(side.side)
+        if skin is None or photographed_m >= side.planned_m:
+            return photographed_m
+        shown = self.covered(side.blade, side.side)
+        share = 0.0 if shown is None else skin.share(shown)
+        return max(photographed_m, min(share / COVERED_SHARE, 1.0) * side.planned_m)
 
     def missing(self, leg: Leg) -> tuple[float, ...]:
         """Return the photo metres of a leg, in its order, that no kept photo is near."""

@@ -210,6 +210,7 @@ class Machine:
         for result in observation.photos:
             if result.kept:
                 ledger.settle(result.photo_id, PhotoStatus.TAKEN)
+                ledger.judged(result.photo_id, exposed=result.exposed)
             elif ledger.settle(result.photo_id, PhotoStatus.REJECTED) is not None:
                 self._flight.note("photo", f"{result.photo_id} rejected: {result.reason}")
 

@@ -231,6 +231,8 @@ class PhotoResult:
     """When its shutter opened."""
     mean_grey: float | None = None
     """Of the blade in it."""
+    exposed: bool = True
+    """False: the blade in it is out of the range of exposure; it is the best there is."""
 
 
 class RequestKind(StrEnum):

@@ -113,6 +113,7 @@ def _adopt(flight: Flight, found: Plan, frame: BladeFrame, photo: EarlierPhoto) 
     status = PhotoStatus.TAKEN if photo.kept else PhotoStatus.REJECTED
     target = nearest if near else photo.metre
     entered = flight.ledger.adopt(photo.photo_id, leg, target, photo.metre, status)
+    entered.exposed = photo.exposed
     if look is not None:
         flight.ledger.looked(entered, look, flight.settings)
 

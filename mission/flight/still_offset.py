@@ -20,7 +20,9 @@ NEAR_S = 0.15
 #: Live pictures are remembered until the still was fetched and judged.
 REMEMBERED = 900
 #: So many stills, of the last few, must agree to this (grey, from their median).
-LEAST_STILLS, LAST_STILLS, AGREE_GREY = 4, 9, 6.0
+#: A camera's tone is the same all along: stills of a whole pass that stand apart otherwise than
+#: those before them show another part of the blade than the live picture was metered on.
+LEAST_STILLS, LAST_STILLS, AGREE_GREY = 6, 40, 6.0
 #: Less than this apart (grey) is as good as alike; more than that is no tone curve's doing.
 LEAST_GREY, MOST_GREY = 10.0, 60.0
 #: A figure that moves by less is not told anew.

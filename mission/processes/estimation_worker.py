@@ -5,6 +5,7 @@ A fit takes many milliseconds; here it keeps nothing waiting but the next fit.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass, field, replace
 
@@ -24,7 +25,8 @@ from perception.geometry import vec3
 from perception.hub_prior import SurveyResult, TowerSurvey
 from perception.rotor import Refusal, Rotor
 from perception.rotor_motion import RotorMotionWatch
-from perception.values import Float, Scan
+from perception.steady_poses import SteadyPoses
+from perception.values import Float, Pose, Scan
 from perception.warm_up import warm_up_estimation
 
 SURVEY_PERIOD_S = 1.0
@@ -40,6 +42,10 @@ QUICK_DPS = 2.0
 SLOW_SEEN_S = 4.0
 #: A rate that is found is no proof of a still rotor, however doubtful it is.
 STILL_DPS = 0.8
+#: A hub or an axis found so much elsewhere begins the watch of the rotor's motion anew.
+ANEW_M, ANEW_RAD = 3.0, math.radians(4.0)
+#: A position that jitters by more blurs the cloud of some seconds.
+NOISY_M = 0.1
 
 _HUB_PRIOR = TypeAdapter(HubPrior)
 _ROTOR = TypeAdapter(RotorEstimate)
@@ -57,6 +63,8 @@ class _Gathered:
     """The last look in which the rotor's side was seen."""
     clouds: deque[tuple[float, Float, Float]] = field(default_factory=deque)
     motion: RotorMotionWatch | None = None
+    watched: SurveyResult | None = None
+    """What `motion` was begun with."""
     estimator: RotorEstimator | None = None
     last_result_s: float = float("-inf")
     prior: SurveyResult | None = None
@@ -75,6 +83,8 @@ class EstimationWorker:
         self._gathered = _Gathered(-1, 0.0)
         self._sequence = 0
         self._turbines = turbines_of(self._settings.sites)
+        noisy = self._settings.positioning.noise_sigma_m > NOISY_M
+        self._steady = SteadyPoses() if noisy else None
 
     async def run(self) -> None:
         """Work through the newest scan, again and again, until cancelled."""
@@ -92,7 +102,7 @@ class EstimationWorker:
             survey, side = (self._gathered.survey, self._gathered.side) if same else (None, None)
             self._gathered = _Gathered(task.task_id, scan.stamp_s, task.turbine, survey, side)
         points_w, origins_w = points_in_world(
-            scan, list(self._inbox.poses), self._settings.lidar, trusted_only=True
+            scan, self._poses(), self._settings.lidar, trusted_only=True
         )
         if task.mode is SensingMode.TOWER:
             self._survey(task, points_w, scan.stamp_s)
@@ -123,8 +133,9 @@ class EstimationWorker:
         if result is None:
             return
         gathered.prior = result = _with_side(result, gathered, task)
-        if gathered.motion is None and result.normal_w is not None:
+        if result.normal_w is not None and (gathered.motion is None or _moved(gathered, result)):
             radius_m = 50.0 if turbine is None else turbine.rotor_radius_m
+            gathered.watched = result
             gathered.motion = RotorMotionWatch(
                 result.hub_w, result.normal_w, radius_m, result.tower
             )
@@ -140,8 +151,7 @@ class EstimationWorker:
             return None
         if motion.turning and abs(motion.rate_dps) > QUICK_DPS:
             return True
-        places = np.array([pose.position_w for pose in self._inbox.poses])
-        if not len(places) or float(np.ptp(places, axis=0).max()) > STEADY_M:
+        if self._travelled_m() > STEADY_M:
             gathered.turning_s = float("inf")
             return None
         if not motion.turning:
@@ -150,6 +160,18 @@ class EstimationWorker:
         gathered.turning_s = min(gathered.turning_s, gathered.last_prior_s)
         seen_s = gathered.last_prior_s - gathered.turning_s
         return True if seen_s >= SLOW_SEEN_S else None
+
+    def _travelled_m(self) -> float:
+        """Return how far the vehicle has come over the poses kept, along any axis."""
+        places = np.array([pose.position_w for pose in self._poses()])
+        return float(np.ptp(places, axis=0).max()) if len(places) else float("inf")
+
+    def _poses(self) -> list[Pose]:
+        """Return the newest poses; where the position told jitters, steadied."""
+        if self._steady is None:
+            return list(self._inbox.poses)
+        self._steady.follow(self._inbox.poses)
+        return list(self._steady.poses)
 
     # --- the rotor ------------------------------------------------------------------------------
 
@@ -177,6 +199,15 @@ class EstimationWorker:
         self._sequence += 1
         estimate = rotor_estimate(answer, stamp_s, self._sequence)
         self._bus.publish(Key.ROTOR, _ROTOR.dump_json(estimate))
+
+
+def _moved(gathered: _Gathered, result: SurveyResult) -> bool:
+    """Return whether hub or axis are known better than when the rotor began to be watched."""
+    was = gathered.watched
+    if was is None or was.normal_w is None or result.normal_w is None:
+        return False
+    turned = float(was.normal_w @ result.normal_w) < math.cos(ANEW_RAD)
+    return turned or float(np.linalg.norm(was.hub_w - result.hub_w)) > ANEW_M
 
 
 def _with_side(result: SurveyResult, gathered: _Gathered, task: SensingTask) -> SurveyResult:

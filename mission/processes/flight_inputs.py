@@ -126,7 +126,12 @@ class FlightInputs:
         result = PhotoResultMessage.model_validate_json(sample.payload)
         self._photos.append(
             PhotoResult(
-                result.photo_id, result.kept, result.reason, result.stamp_s, result.mean_grey
+                result.photo_id,
+                result.kept,
+                result.reason,
+                result.stamp_s,
+                result.mean_grey,
+                result.exposed,
             )
         )
 

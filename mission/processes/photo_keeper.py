@@ -132,6 +132,7 @@ class PhotoKeeper:
                 reason=record.reason or again,
                 stamp_s=taken.stamp_s,
                 mean_grey=record.mean_grey,
+                exposed=record.exposure_in_range is not False,
             )
         )
 

@@ -48,8 +48,9 @@ def _standing(report: FlightReport) -> Standing | None:
 
 def _photo(record: PhotoRecord) -> EarlierPhoto:
     return EarlierPhoto(
-        record.photo_id, record.blade, record.side, record.metre, record.kept, _place(record)
-    )
+        record.photo_id, record.blade, record.side, record.metre, record.kept, _place(record),
+        exposed=record.exposure_in_range is not False,
+    )  # fmt: skip
 
 
 def _place(record: PhotoRecord) -> OnBlade | None:

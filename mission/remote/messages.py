@@ -295,6 +295,8 @@ class PhotoResultMessage(Message):
     stamp_s: float | None = None
     mean_grey: float | None = None
     """Of the blade in it, where it was found."""
+    exposed: bool = True
+    """False: the blade in it is known to be out of the range of exposure."""
 
 
 class FlightReport(Message):

@@ -68,3 +68,18 @@ def test_memory_is_bounded_whatever_is_seen(synthetic_turbine):
     for k in range(30):
         found.update(rng.uniform((-60, -60, 0), (60, 60, 120), (20_000, 3)), float(k))
     assert found._count <= len(found._key) == 1 << 17
+
+
+def test_a_blade_that_points_up_is_not_taken_for_the_tower_seen_before(synthetic_turbine):
+    turbine = synthetic_turbine("iea-3.4-130", 1.0, stop_angle_deg=60)
+    found = survey(turbine, 0, error_m=2.0)
+    before = found.result().tower
+    # Two minutes later, before the rotor: all that is seen is a thin upright thing beside the hub.
+    height = turbine.turbine.hub_height_m
+    rng = np.random.default_rng(4)
+    for k in range(30):
+        angle, z = rng.uniform(0, 2 * np.pi, 400), rng.uniform(height - 12, height + 14, 400)
+        ring = np.stack([9.0 + 1.2 * np.cos(angle), 6.0 + 1.2 * np.sin(angle), z], axis=1)
+        found.update(ring, 400.0 + k)
+    after = found.result().tower
+    assert np.hypot(*(after.at_height(height) - before.at_height(height))[:2]) < 4.0

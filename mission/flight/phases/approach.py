@@ -1,6 +1,12 @@
-"""Approach: round the turbine to the rotor's front, then along its axis to the stand-off d_c."""
+"""Approach: watch that the rotor stands still, then along its axis to the stand-off d_c.
+
+From before the rotor where the LiDAR sees it from outside the sphere; a large one is watched from
+beside, where a tip is near.
+"""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -9,12 +15,16 @@ from mission.flight.command import MissionState, Phase, SensingMode
 from mission.flight.flight import Flight, Intent
 from mission.flight.phases.estimate import Estimate
 from mission.flight.phases.leave import leave
+from mission.flight.watch_places import FRONT, WatchPlace, place_w, watch_places, way_between
 from perception.values import Float
 
 ARC_SPEED_MPS = 5.0
-STILL_S = 15.0
+#: A place is watched from for so long; what was seen holds until the rotor is measured.
+STILL_S, STILL_KEPT_S = 15.0, 90.0
 SIDE_LOST_S = 10.0
-FRONT_WITHIN_M = 4.0
+PLACE_WITHIN_M = 4.0
+#: Left to the ground, and to the height limit.
+ROOM_M = 15.0
 #: A goal that moves by more than this is flown to anew.
 MOVED_M = 2.5
 
@@ -28,6 +38,11 @@ class Approach:
         self._inward = False
         self._moving = False
         self._waiting_s: float | None = None
+        self._places: list[WatchPlace] = []
+        """Still to be watched from; the first is flown to, or at."""
+        self._at: WatchPlace | None = None
+        """The one before: None at the beginning, anywhere round the sphere."""
+        self._still_s: float | None = None
         self._goal: Float | None = None
         self._lost_s: float | None = None
 
@@ -71,35 +86,80 @@ class Approach:
         return flight.now_s - self._lost_s < SIDE_LOST_S
 
     def _round(self, flight: Flight, hub: Float, normal: Float, yaw: float) -> Intent:
+        """Fly to where the rotor is watched from, watch; in the end be before it."""
         flight.sense(SensingMode.TOWER)
-        front = bearing_rad(np.zeros(3), -normal)
+        front, radius = bearing_rad(np.zeros(3), -normal), flight.clear_radius_m
+        if not self._places:
+            self._places = list(_places(flight, hub, front))
+        place = self._places[0]
         if not self._moving:
-            here, radius = flight.here_w, flight.clear_radius_m
-            height = float(hub[2])
-            way = arc(hub, radius, bearing_rad(hub, here), front, float(here[2]), height)
+            way = self._way(flight, hub, front, place)
             self._moving, self._goal = True, way[-1]
             flight.go(way, ARC_SPEED_MPS)
-        moved = hub + (way_offset := _front_offset(front, flight.clear_radius_m))
-        if self._goal is not None and np.hypot(*(moved - self._goal)[:2]) > FRONT_WITHIN_M:
+        wanted = place_w(hub, radius, front, place)
+        if self._goal is not None and np.hypot(*(wanted - self._goal)[:2]) > PLACE_WITHIN_M:
             self._moving = False
-        setpoint = flight.follow(yaw)
-        gimbal = flight.aim_at(hub)
-        words = "flying round to the front of the rotor"
+        setpoint, gimbal = flight.follow(yaw), flight.aim_at(hub)
         if not flight.arrived(1.5):
+            words = "flying round to " + _words(place)
             return Intent(words, setpoint=setpoint, gimbal=gimbal)
         prior = flight.observation.hub_prior
         if prior is not None and prior.turning is False:
-            flight.rotor_open = True
-            flight.open_corridor([np.stack([hub + way_offset, hub - normal * 15.0])])
-            self._inward, self._moving = True, False
-            return Intent("the rotor stands still", setpoint=setpoint, gimbal=gimbal)
+            self._still_s = flight.now_s
+        if self._still_s is not None and flight.now_s - self._still_s < STILL_KEPT_S:
+            return self._still(flight, hub, normal, Intent("", setpoint=setpoint, gimbal=gimbal))
+        return self._watch(flight, Intent("", setpoint=setpoint, gimbal=gimbal))
+
+    def _way(self, flight: Flight, hub: Float, front: float, place: WatchPlace) -> Float:
+        radius, here = flight.clear_radius_m, flight.here_w
+        if self._at is not None:
+            return way_between(hub, radius, front, self._at, place)
+        bearing = bearing_rad(hub, here)
+        level = float(hub[2])
+        way = arc(hub, radius, bearing, front + place.turn_rad, float(here[2]), level)
+        beside = WatchPlace(place.turn_rad)
+        return np.concatenate([way, way_between(hub, radius, front, beside, place)])
+
+    def _still(self, flight: Flight, hub: Float, normal: Float, here: Intent) -> Intent:
+        """Go in from the front; from beside the rotor, there first."""
+        if self._places[0] != FRONT:
+            self._next([FRONT])
+            return replace(here, words="the rotor stands still")
+        flight.rotor_open = True
+        front = bearing_rad(np.zeros(3), -normal)
+        before = place_w(hub, flight.clear_radius_m, front, FRONT)
+        flight.open_corridor([np.stack([before, hub - normal * 15.0])])
+        self._inward, self._moving = True, False
+        return replace(here, words="the rotor stands still")
+
+    def _watch(self, flight: Flight, here: Intent) -> Intent:
+        """Wait here for a while; then watch from the next place, or give up."""
         if self._waiting_s is None:
             self._waiting_s = flight.now_s
-        if flight.now_s - self._waiting_s > STILL_S:
-            words = "it could not be told whether the rotor stands still"
-            return leave(flight, Intent(words, setpoint), MissionState.REFUSED, words)
-        return Intent("watching whether the rotor turns", setpoint=setpoint, gimbal=gimbal)
+        if flight.now_s - self._waiting_s <= STILL_S:
+            return replace(here, words="watching whether the rotor turns")
+        if len(self._places) > 1:
+            self._next(self._places[1:])
+            return replace(here, words="looking for a better view of the blades")
+        words = "it could not be told whether the rotor stands still"
+        return leave(flight, replace(here, words=words), MissionState.REFUSED, words)
+
+    def _next(self, places: list[WatchPlace]) -> None:
+        self._at, self._places = self._places[0], places
+        self._moving, self._waiting_s = False, None
 
 
-def _front_offset(front_rad: float, radius_m: float) -> Float:
-    return radius_m * np.array([np.cos(front_rad), np.sin(front_rad), 0.0])
+def _places(flight: Flight, hub: Float, front: float) -> tuple[WatchPlace, ...]:
+    """Return where this rotor is watched from."""
+    settings, level = flight.settings, float(hub[2])
+    home_m = 0.0 if flight.home_w is None else flight.home_w[2]
+    below = level - max(flight.ground_m, home_m) - ROOM_M
+    above = home_m + settings.guard.max_height_m - level - ROOM_M
+    here = bearing_rad(hub, flight.here_w)
+    return watch_places(
+        here, front, flight.clear_radius_m, settings.lidar.max_range_m, (below, above)
+    )
+
+
+def _words(place: WatchPlace) -> str:
+    return "the front of the rotor" if place == FRONT else "where a tip of the rotor is near"

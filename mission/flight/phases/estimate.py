@@ -35,6 +35,9 @@ IMPLAUSIBLE_M = 20.0
 #: from there more of each blade lies within the LiDAR's height of view.
 OTHER_DISTANCES = (1.0, 1.25, 0.8)
 REFUSALS_A_PLACE = 2
+#: Estimates that agree but are this unsure are compared with looks from this share of d_c: of a
+#: large rotor whose blades hang aside little but the roots lies within view from near.
+UNSURE_DEG, FARTHER = 0.35, 1.75
 #: What saw too little says nothing against the looks before it; any other refusal does.
 SAW_TOO_LITTLE = frozenset(
     {RefusalCode.NO_POINTS, RefusalCode.TWO_BLADES, RefusalCode.LOW_VISIBILITY}
@@ -51,6 +54,8 @@ class Estimate:
         self._sequence = -1
         self._good: list[RotorEstimate] = []
         self._taken = self._refused = 0
+        self._unsure: list[RotorEstimate] = []
+        """What agreed from near, while it is looked from farther."""
         self._moving = False
         self._work: Iterator[Plan | None] | None = None
 
@@ -79,7 +84,7 @@ class Estimate:
         if newest is not None and newest.sequence > self._sequence:
             self._sequence = newest.sequence
             self._take(flight, newest)
-        if self._converged(flight):
+        if self._converged(flight) and not self._look_from_farther(flight):
             words = "" if flight.earlier is None else turned_words(flight.earlier, self._good[-1])
             if words:
                 return leave(flight, intent, MissionState.REFUSED, words)
@@ -88,6 +93,10 @@ class Estimate:
         estimation = flight.settings.estimation
         late = flight.now_s - self._begun_s > estimation.timeout_s
         if late or self._taken >= estimation.max_iterations:
+            if self._unsure:
+                self._good = self._unsure
+                self._finish(flight)
+                return intent
             words = "the stop angle did not converge"
             if newest is not None and newest.refusal is not None:
                 words += f": {newest.refusal_text or newest.refusal}"
@@ -132,6 +141,7 @@ class Estimate:
         if normal is None:
             return False
         share = OTHER_DISTANCES[(self._refused // REFUSALS_A_PLACE) % len(OTHER_DISTANCES)]
+        share = FARTHER if self._unsure else share
         goal = hub - normal * flight.settings.estimation.stand_off_m * share
         apart = float(np.linalg.norm(goal - flight.here_w))
         if apart < RECENTRE_M or self._moving:
@@ -153,6 +163,18 @@ class Estimate:
             < estimation.agree_deg
             for a, b in pairs
         )
+
+    def _look_from_farther(self, flight: Flight) -> bool:
+        """Keep what agrees but is unsure, and go where more of the blades is seen; once."""
+        sigmas = [one.sigma_deg for one in self._good[-flight.settings.estimation.agree_count :]]
+        if self._unsure or float(np.median(sigmas)) <= UNSURE_DEG:
+            return False
+        self._unsure = list(self._good)
+        flight.note("estimate", "they agree, but little of the blades is seen: from farther")
+        newest = self._good[-1]
+        self._move(flight, np.array(newest.hub_w), np.array(newest.normal_w))
+        self._good.clear()
+        return True
 
     def _finish(self, flight: Flight) -> None:
         """Fix the rotor, build the model, begin to plan."""

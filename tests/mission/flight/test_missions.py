@@ -378,6 +378,41 @@ def test_a_turning_rotor_is_never_approached():
     assert apart.min() >= flight.turbine.rotor_radius_m + 12.0
 
 
+@pytest.mark.parametrize("stop_deg", [0.0, 60.0])
+def test_a_large_rotor_is_watched_from_beside_where_a_tip_is_near(stop_deg):
+    truth = Truth(stop_angle_deg=stop_deg, still_seen_within_m=55.0)
+    flight = mission("iea-3.4-130", truth=truth)
+    flown = flight.run(limit_s=30.0)
+    while flight.machine.phase is not Phase.ESTIMATE:
+        assert flight.machine.state is MissionState.RUNNING
+        inside = flight.machine._flight.rotor_open
+        flight.one_tick(flown)
+        apart = float(np.linalg.norm(flight.position - flight._model.hub_w))
+        # The closed sphere lies round the prior hub, which errs anew in each look: 0.5 m an axis.
+        assert inside or apart >= flight.turbine.rotor_radius_m + 12.0 - 2.0
+
+
+def test_a_rotor_whose_motion_is_seen_from_nowhere_is_refused():
+    flight = mission(truth=Truth(still_seen_within_m=2.0))
+    flown = flight.run()
+    assert flight.machine.state is MissionState.REFUSED
+    assert "stands still" in flight.machine._flight.outcome_words
+    apart = np.linalg.norm(np.array(flown.track) - flight._model.hub_w, axis=1)
+    assert apart.min() >= flight.turbine.rotor_radius_m + 12.0
+
+
+def test_estimates_that_agree_but_are_unsure_are_compared_with_looks_from_farther():
+    flight = mission(truth=Truth(sigma_deg=0.6))
+    flown, farthest = flight.run(limit_s=30.0), 0.0
+    while flight.machine.phase is not Phase.TRACK:
+        assert flight.machine.state is MissionState.RUNNING
+        flight.one_tick(flown)
+        if flight.machine.phase is Phase.ESTIMATE:
+            apart = float(np.linalg.norm(flight.position - flight._model.hub_w))
+            farthest = max(farthest, apart)
+    assert farthest > 1.5 * flight.settings.estimation.stand_off_m
+
+
 def test_where_the_side_is_unknown_it_circles_until_it_is_known():
     flight = mission(truth=Truth(upwind_deg=0.0, side_known_within_deg=35.0))
     flown = flight.run()

@@ -52,6 +52,12 @@ def test_stills_that_differ_now_so_and_now_otherwise_tell_nothing():
     assert flown([60.0, -30.0, 45.0, 5.0, 70.0, -50.0, 20.0, 90.0]).grey == 0.0
 
 
+def test_one_pass_metered_beside_what_its_stills_show_tells_nothing():
+    noise = random.Random(3)
+    alike = [noise.gauss(2, 3) for _ in range(14)]
+    assert flown([*alike, *[26.0 + noise.gauss(0, 2) for _ in range(12)]]).grey == 0.0
+
+
 def test_stills_in_which_no_blade_was_found_count_nothing():
     assert flown([None, 30.0, None, 30.0, 30.0, None]).grey == 0.0
 
