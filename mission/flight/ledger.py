@@ -12,6 +12,7 @@ import numpy as np
 from config.settings import Settings
 from mission.flight.leg import Leg, SidePass
 from mission.flight.report import PassReport, Spread, covered_stretches
+from mission.flight.rotor_model import RotorModel
 from mission.flight.skin import Look, Mask, Skin
 
 
@@ -30,6 +31,7 @@ class PhotoStatus(Enum):
 LASTING = frozenset({PhotoStatus.REJECTED, PhotoStatus.BLURRED})
 #: Photos are taken again until this share of the skin that a leg's photos can show is shown.
 COVERED_SHARE = 0.99
+BESIDE_TOWER_M = 0.7
 #: Of one metre: what these did not show is out of sight from there.
 ENOUGH_PHOTOS = 2
 
@@ -108,16 +110,21 @@ class Ledger:
         self._photos: dict[int, Photo] = {}
         self._next_id = 1
         self._skins: Mapping[str, Mapping[str, Skin]] = {}
+        self._model: RotorModel | None = None
 
-    def measured(self, skins: Mapping[str, Mapping[str, Skin]]) -> None:
-        """Take the skins of the measured rotor, by blade and side."""
-        self._skins = skins
+    def measured(
+        self, skins: Mapping[str, Mapping[str, Skin]], model: RotorModel | None = None
+    ) -> None:
+        """Take the skins of the measured rotor, by blade and side, and what may hide them."""
+        self._skins, self._model = skins, model
 
     def looked(self, photo: Photo, look: Look, settings: Settings) -> None:
         """Write down from where a photo was taken: it tells which skin it shows."""
         photo.look = look
         skins = self._skins.get(photo.leg.blade, {})
-        photo.shows = {side: skin.seen_in(look, settings) for side, skin in skins.items()}
+        photo.shows = {
+            side: skin.seen_in(look, settings, self._model) for side, skin in skins.items()
+        }
 
     def covered(self, blade: str, side: str, *, well: bool = False) -> Mask | None:
         """Return which facets of a side the kept photos of its blade show; None: not known.
@@ -249,7 +256,8 @@ class Ledger:
                 continue
             sight = leg.target(metre) - leg.position(metre)
             look = Look(leg.position(metre), sight / float(np.linalg.norm(sight)))
-            shows[metre] = skin.seen_in(look, settings)
+            # What peeps out beside the tower is not worth flying for once more.
+            shows[metre] = skin.seen_in(look, settings, self._model, BESIDE_TOWER_M)
         unseen = np.logical_or.reduce([*shows.values(), seen]) & ~seen
         most_m2 = (1.0 - COVERED_SHARE) * float(skin.areas_m2[unseen | seen].sum())
         wanted: set[float] = set()

@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 
 from config.settings import Settings
 from config.turbine import Turbine
+from mission.flight.occlusion import behind_tower
+from mission.flight.rotor_model import RotorModel
 from mission.flight.sides import BladeFrame, side_view
 from perception.blade_section import published_sections
 from perception.geometry import camera_looking_along
@@ -56,8 +58,17 @@ class Skin:
     metres: Float
     """(N,) along the pitch axis from the root flange"""
 
-    def seen_in(self, look: Look, settings: Settings) -> Mask:
-        """Return (N,) which facets a photo shows well enough."""
+    def seen_in(
+        self,
+        look: Look,
+        settings: Settings,
+        model: RotorModel | None = None,
+        margin_m: float = 0.0,
+    ) -> Mask:
+        """Return (N,) which facets a photo shows well enough.
+
+        ``model``: of the turbine, whose tower hides what lies behind it, and ``margin_m`` beside.
+        """
         camera = settings.camera
         rotation = camera_looking_along(look.sight_w)
         rays = self.points_w - look.eye_w
@@ -76,6 +87,10 @@ class Skin:
             & (facing >= INCIDENCE_COS * distance)
             & (distance <= reach_m)
         )
+        rows = np.flatnonzero(seen)
+        if model is not None and len(rows):
+            eyes_w = np.broadcast_to(look.eye_w, (len(rows), 3))
+            seen[rows] = ~behind_tower(eyes_w, self.points_w[rows], model, margin_m)
         return seen
 
     def share(self, seen: Mask) -> float:

@@ -227,7 +227,8 @@ class Estimate:
     def _open_books(self, flight: Flight, found: Plan) -> None:
         flight.plan, flight.leg_index = found, 0
         frames = found.model.frames
-        flight.ledger.measured({frame.name: blade_skin(frame, flight.turbine) for frame in frames})
+        skins = {frame.name: blade_skin(frame, flight.turbine) for frame in frames}
+        flight.ledger.measured(skins, found.model)
         for side_pass in found.passes:
             flight.ledger.open_side(side_pass)
             for gap in side_pass.unseen:
