@@ -7,6 +7,7 @@ partly common (mounting, the blade's unknown shape), so the sigma stays that of 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -15,6 +16,12 @@ import numpy as np
 from mission.flight.observation import BladeEstimate, RotorEstimate, Vec3
 from perception.geometry import stop_angle_difference_deg, vec3
 from perception.values import Float
+
+#: So many estimates are settled where their mean is known to this (one standard deviation).
+SETTLED_COUNT, SETTLED_DEG = 8, 0.25
+#: A slope of the angle over the estimates by so many of its standard deviations is a turn, if it is
+#: more than what roots seen from a drifting place show.
+TREND_SIGMAS, LEAST_TREND_DPS = 2.5, 0.02
 
 
 def agreed_rotor(estimates: Sequence[RotorEstimate]) -> RotorEstimate:
@@ -39,6 +46,26 @@ def agreed_rotor(estimates: Sequence[RotorEstimate]) -> RotorEstimate:
             replace(blade, direction_w=_mean_direction(blade, estimates)) for blade in base.blades
         ),
     )
+
+
+def settled(estimates: Sequence[RotorEstimate]) -> bool:
+    """Return whether estimates that scatter are many enough for their mean to be known.
+
+    Without RTK each look errs by itself, by half a degree and more of a large rotor. Those of a
+    rotor that turns do not scatter, they follow one another: a trend is not settled.
+    """
+    count = len(estimates)
+    if count < SETTLED_COUNT:
+        return False
+    off = np.array([_off(one, estimates[-1]) for one in estimates])
+    off = off - np.median(off)
+    time_s = np.array([one.stamp_s for one in estimates])
+    time_s = time_s - time_s.mean()
+    spread_s = float(np.sqrt(time_s @ time_s))
+    rate = float(time_s @ off) / max(spread_s, 1e-6) ** 2
+    sigma = float(np.std(off - rate * time_s, ddof=2))
+    still = abs(rate) < max(TREND_SIGMAS * sigma / max(spread_s, 1e-6), LEAST_TREND_DPS)
+    return still and sigma / math.sqrt(count) < SETTLED_DEG
 
 
 def same_blade(blade: BladeEstimate, estimate: RotorEstimate) -> BladeEstimate:

@@ -10,6 +10,8 @@ from perception.geometry import wrap_angle
 from perception.values import Float
 
 ARC_STEP_RAD = math.radians(5.0)
+#: A rotor is looked at from so much below its hub, of the distance before it.
+BELOW_SHARE = 0.12
 
 
 def bearing_rad(from_w: Float, to_w: Float) -> float:
@@ -37,6 +39,19 @@ def arc(
             for s in share
         ]
     )
+
+
+def before_hub(hub_w: Float, normal_w: Float, distance_m: float) -> Float:
+    """Return the place (3,) from which a rotor is looked at: before the hub, a little below it.
+
+    On the rotor's axis one would hang above it, for rotors are tilted up; but the LiDAR sees less
+    below its own height than above, and beside itself least: of blades that hang aside it would
+    see the roots alone. ``normal_w``: (3,) downwind.
+    """
+    east, north = normal_w[0], normal_w[1]
+    level = np.array([east, north, 0.0]) / math.hypot(east, north)
+    below = np.array([0.0, 0.0, BELOW_SHARE])
+    return np.asarray(hub_w - distance_m * (level + below), np.float64)
 
 
 def up_the_sphere(

@@ -40,7 +40,7 @@ _BALL = _ball()
 
 
 class SeenSpace:
-    """Cells round the place where it began, with how often each was looked at."""
+    """Cells round the vehicle, with how often each was looked at; what is far behind is dropped."""
 
     def __init__(self, lidar: Lidar) -> None:
         self._mount = lidar_in_body(lidar.nose_down_deg)
@@ -54,6 +54,7 @@ class SeenSpace:
         if self._origin_w is None:
             self._origin_w = np.floor(position_w / CELL_M)
         here = np.floor(position_w / CELL_M).astype(np.int64)
+        self._keep_round(here)
         cells = here + _BALL
         offset = (cells + 0.5) * CELL_M - position_w
         range_m = np.maximum(np.sqrt(np.einsum("nk,nk->n", offset, offset)), 1e-6)
@@ -62,6 +63,21 @@ class SeenSpace:
         seen = (elevation > self._low_rad) & (elevation < self._high_rad)
         self._add(cells[seen], 1)
         self._add(cells[range_m < FLOWN_M], LOOKS)
+
+    def _keep_round(self, here: np.ndarray[tuple[int, ...], np.dtype[np.int64]]) -> None:
+        """Move the cells along when the vehicle comes half-way to their border."""
+        if self._origin_w is None:
+            return
+        shift = here - self._origin_w.astype(np.int64)
+        if (np.abs(shift) <= _HALF_CELLS // 2).all():
+            return
+        moved = np.zeros_like(self._looks)
+        if (np.abs(shift) < 2 * _HALF_CELLS).all():
+            size = moved.shape
+            to = tuple(slice(max(-s, 0), n - max(s, 0)) for s, n in zip(shift, size, strict=True))
+            by = tuple(slice(max(s, 0), n - max(-s, 0)) for s, n in zip(shift, size, strict=True))
+            moved[to] = self._looks[by]
+        self._looks, self._origin_w = moved, self._origin_w + shift
 
     def seen(self, places_w: Float) -> bool:
         """Return whether all of the places (N, 3) have been seen."""

@@ -4,6 +4,10 @@ Most cameras expose both alike. Where the stills of late stand apart from the li
 their moments, and all by about as much, the live picture is exposed that much aside, so that the
 stills come out right. Where they differ now one way and now another nothing can be done about it:
 such photos are marked, and taken once more within bounds (`mission/records/second_shot.py`).
+
+Where the last few stills of a pass are all out by much and alike, the live picture is metered on
+something else than the blade that they show, ground beside it or its one lit face: then they are
+gone by for as long as they are recent, whatever the camera's tone.
 """
 
 from __future__ import annotations
@@ -23,6 +27,8 @@ REMEMBERED = 900
 #: A camera's tone is the same all along: stills of a whole pass that stand apart otherwise than
 #: those before them show another part of the blade than the live picture was metered on.
 LEAST_STILLS, LAST_STILLS, AGREE_GREY = 6, 40, 6.0
+#: So many stills in a row, taken within this time of now, and apart by as much, are gone by.
+RECENT_STILLS, RECENT_S, RECENT_GREY, RECENT_AGREE = 3, 14.0, 20.0, 25.0
 #: Less than this apart (grey) is as good as alike; more than that is no tone curve's doing.
 LEAST_GREY, MOST_GREY = 10.0, 60.0
 #: A figure that moves by less is not told anew.
@@ -35,6 +41,8 @@ class StillOffset:
     def __init__(self) -> None:
         self._live: deque[tuple[float, float]] = deque(maxlen=REMEMBERED)
         self._apart: deque[float] = deque(maxlen=LAST_STILLS)
+        self._recent: deque[tuple[float, float]] = deque(maxlen=RECENT_STILLS)
+        self._tone = 0.0
         self.grey = 0.0
         """Stills less live picture; 0 while they are alike, or nothing is known."""
 
@@ -57,6 +65,7 @@ class StillOffset:
             self._live.append((exposure.stamp_s, exposure.mean_grey))
         for photo in observation.photos:
             self._judged(photo)
+        self.grey = self._of_this_pass(observation.now_s)
         return (before == 0.0) != (self.grey == 0.0)
 
     def told(self, task: SensingTask) -> SensingTask:
@@ -71,9 +80,22 @@ class StillOffset:
         if abs(stamp_s - taken_s) > NEAR_S:
             return
         self._apart.append(photo.mean_grey - grey)
+        self._recent.append((taken_s, photo.mean_grey - grey))
         middle = median(self._apart)
         alike = median(abs(one - middle) for one in self._apart) <= AGREE_GREY
         if len(self._apart) < LEAST_STILLS or not alike or abs(middle) < LEAST_GREY:
-            self.grey = 0.0
-        elif abs(middle - self.grey) > SAME_GREY:
-            self.grey = min(max(round(middle, 1), -MOST_GREY), MOST_GREY)
+            self._tone = 0.0
+        elif abs(middle - self._tone) > SAME_GREY:
+            self._tone = min(max(round(middle, 1), -MOST_GREY), MOST_GREY)
+
+    def _of_this_pass(self, now_s: float) -> float:
+        """Return what the newest stills say, where they say it clearly; else the camera's tone."""
+        apart = [grey for taken_s, grey in self._recent if now_s - taken_s < RECENT_S]
+        if (
+            len(apart) < RECENT_STILLS
+            or min(abs(grey - self._tone) for grey in apart) < RECENT_GREY
+        ):
+            return self._tone
+        if max(apart) - min(apart) > RECENT_AGREE:
+            return self._tone
+        return min(max(round(median(apart)), -MOST_GREY), MOST_GREY)

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mission.flight.around import arc, bearing_rad
+from mission.flight.around import arc, bearing_rad, before_hub
 from mission.flight.command import MissionState, Phase, SensingMode
 from mission.flight.flight import Flight, Intent
 from mission.flight.phases.estimate import Estimate
@@ -23,6 +23,8 @@ ARC_SPEED_MPS = 5.0
 STILL_S, STILL_KEPT_S = 15.0, 90.0
 SIDE_LOST_S = 10.0
 PLACE_WITHIN_M = 4.0
+#: The way in ends this far before the hub.
+NEAREST_M = 15.0
 #: Left to the ground, and to the height limit.
 ROOM_M = 15.0
 #: A goal that moves by more than this is flown to anew.
@@ -63,7 +65,7 @@ class Approach:
         yaw, gimbal = flight.yaw_to(hub), flight.aim_at(hub)
         if not self._inward:
             return self._round(flight, hub, normal, yaw)
-        goal = hub - normal * flight.settings.estimation.stand_off_m
+        goal = before_hub(hub, normal, flight.settings.estimation.stand_off_m)
         if not self._moving or (
             self._goal is not None and np.linalg.norm(goal - self._goal) > MOVED_M
         ):
@@ -128,7 +130,7 @@ class Approach:
         flight.rotor_open = True
         front = bearing_rad(np.zeros(3), -normal)
         before = place_w(hub, flight.clear_radius_m, front, FRONT)
-        flight.open_corridor([np.stack([before, hub - normal * 15.0])])
+        flight.open_corridor([np.stack([before, before_hub(hub, normal, NEAREST_M)])])
         self._inward, self._moving = True, False
         return replace(here, words="the rotor stands still")
 

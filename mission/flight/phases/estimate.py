@@ -1,7 +1,8 @@
 """Estimate: measure the rotor from before the hub until estimates agree, then plan the passes.
 
 p_d = p_h - v_n d_c: after each estimate the vehicle moves before the newest hub (Shi et al. 2025,
-Algorithm 1). The angle has converged when successive estimates differ by less than epsilon_a.
+Algorithm 1). The angle has converged when successive estimates differ by less than epsilon_a, or
+when so many were made that their mean is known as well.
 """
 
 from __future__ import annotations
@@ -11,7 +12,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mission.flight.agreed_rotor import agreed_rotor, same_blade
+from mission.flight.agreed_rotor import agreed_rotor, same_blade, settled
+from mission.flight.around import before_hub
 from mission.flight.command import MissionState, Phase, SensingMode
 from mission.flight.events import Event
 from mission.flight.flight import Flight, Intent
@@ -54,6 +56,7 @@ class Estimate:
         self._sequence = -1
         self._good: list[RotorEstimate] = []
         self._taken = self._refused = 0
+        self._agreed: list[RotorEstimate] = []
         self._unsure: list[RotorEstimate] = []
         """What agreed from near, while it is looked from farther."""
         self._moving = False
@@ -94,7 +97,7 @@ class Estimate:
         late = flight.now_s - self._begun_s > estimation.timeout_s
         if late or self._taken >= estimation.max_iterations:
             if self._unsure:
-                self._good = self._unsure
+                self._agreed = self._unsure
                 self._finish(flight)
                 return intent
             words = "the stop angle did not converge"
@@ -142,7 +145,7 @@ class Estimate:
             return False
         share = OTHER_DISTANCES[(self._refused // REFUSALS_A_PLACE) % len(OTHER_DISTANCES)]
         share = FARTHER if self._unsure else share
-        goal = hub - normal * flight.settings.estimation.stand_off_m * share
+        goal = before_hub(hub, normal, flight.settings.estimation.stand_off_m * share)
         apart = float(np.linalg.norm(goal - flight.here_w))
         if apart < RECENTRE_M or self._moving:
             return False
@@ -157,6 +160,10 @@ class Estimate:
         last = self._good[-estimation.agree_count :]
         if len(last) < estimation.agree_count or self._moving:
             return False
+        if settled(self._good):
+            self._agreed = list(self._good)
+            return True
+        self._agreed = last
         pairs = itertools.pairwise(last)
         return all(
             abs(stop_angle_difference_deg(a.stop_angle_deg, b.stop_angle_deg))
@@ -166,10 +173,10 @@ class Estimate:
 
     def _look_from_farther(self, flight: Flight) -> bool:
         """Keep what agrees but is unsure, and go where more of the blades is seen; once."""
-        sigmas = [one.sigma_deg for one in self._good[-flight.settings.estimation.agree_count :]]
+        sigmas = [one.sigma_deg for one in self._agreed]
         if self._unsure or float(np.median(sigmas)) <= UNSURE_DEG:
             return False
-        self._unsure = list(self._good)
+        self._unsure = self._agreed
         flight.note("estimate", "they agree, but little of the blades is seen: from farther")
         newest = self._good[-1]
         self._move(flight, np.array(newest.hub_w), np.array(newest.normal_w))
@@ -178,10 +185,12 @@ class Estimate:
 
     def _finish(self, flight: Flight) -> None:
         """Fix the rotor, build the model, begin to plan."""
+        agreed, good = self._agreed, self._good or self._agreed
         if flight.earlier is not None:
-            self._good = [renamed(one, flight.earlier) for one in self._good]
-        rotor = agreed_rotor(self._good[-flight.settings.estimation.agree_count :])
-        pitches = {b.name: _agreed_pitch(self._good, b, flight) for b in rotor.blades}
+            agreed = [renamed(one, flight.earlier) for one in agreed]
+            good = [renamed(one, flight.earlier) for one in good]
+        rotor = agreed_rotor(agreed)
+        pitches = {b.name: _agreed_pitch(good, b, flight) for b in rotor.blades}
         flight.rotor = rotor
         prior = flight.observation.hub_prior
         flight.model = rotor_model(

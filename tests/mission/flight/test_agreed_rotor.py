@@ -1,7 +1,9 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from mission.flight.agreed_rotor import agreed_rotor, same_blade
+from mission.flight.agreed_rotor import SETTLED_COUNT, agreed_rotor, same_blade, settled
 from mission.flight.observation import BladeEstimate, RotorEstimate
 from perception.geometry import stop_angle_difference_deg
 from perception.rotor import blade_angles_deg, direction_at
@@ -58,3 +60,24 @@ def test_one_look_is_itself():
     assert (agreed.stop_angle_deg, agreed.hub_w) == (one.stop_angle_deg, one.hub_w)
     for ours, its in zip(agreed.blades, one.blades, strict=True):
         np.testing.assert_allclose(ours.direction_w, its.direction_w)
+
+
+def scattered(count, *, sigma=0.5, rate_dps=0.0, period_s=2.1, seed=1):
+    noise = np.random.default_rng(seed)
+    looks = []
+    for k in range(count):
+        angle = 60.0 + rate_dps * period_s * k + noise.normal(0, sigma)
+        looks.append(replace(look(angle % 120.0, k), stamp_s=period_s * k))
+    return looks
+
+
+def test_estimates_that_scatter_are_settled_once_there_are_enough():
+    assert not settled(scattered(SETTLED_COUNT - 1))
+    assert settled(scattered(SETTLED_COUNT + 4))
+    assert not settled(scattered(SETTLED_COUNT + 4, sigma=3.0))
+
+
+@pytest.mark.parametrize("rate", [0.3, -0.4, 2.0])
+@pytest.mark.parametrize("count", [8, 12, 20])
+def test_those_of_a_rotor_that_turns_are_not(rate, count):
+    assert not any(settled(scattered(count, rate_dps=rate, seed=k)) for k in range(20))

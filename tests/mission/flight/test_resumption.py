@@ -156,7 +156,8 @@ def test_an_autopilot_that_counts_from_elsewhere_changes_nothing(whole, broken_o
     second = mission(truth=Truth(upwind_deg=258.0, pitch_deg=3.0), earlier=earlier)
     after = second.run()
     assert second.machine.state is MissionState.COMPLETED
-    assert len(earlier.photos) + len(after.photos) <= len(whole.photos) + 1
+    # A rotor that faces elsewhere is seen past its tower from elsewhere: other views may be chosen.
+    assert len(earlier.photos) + len(after.photos) <= len(whole.photos) + 4
 
 
 def test_a_battery_that_does_not_suffice_ends_the_flight_between_two_passes(whole):

@@ -69,4 +69,16 @@ def test_beyond_its_reach_and_beyond_its_box_nothing_is_seen():
     assert not looked().seen(at(0, 0, REACH_M + 6.0)[None])
     assert not looked().seen(at(0, 0, 5000.0)[None])
     away = at(0, 0, 5000.0)
-    assert not looked(places=(HERE, away)).seen(away[None])
+    assert not looked(places=(HERE, away)).seen(HERE[None]), "long ago"
+
+
+@pytest.mark.parametrize("ahead_w", [(1.0, 0.0, 0.0), (-0.8, -0.6, 0.0), (0.0, 0.6, 0.2)])
+def test_however_far_it_has_flown_it_knows_what_it_saw_lately(ahead_w):
+    space, step = SeenSpace(Lidar()), 1.5 * np.array(ahead_w)
+    for k in range(400):
+        space.look(HERE + k * step, LEVEL)
+    there = HERE + 399 * step
+    ahead, behind = np.array([12.0, 0.0, 0.0]), np.array([-12.0, 0.0, 40.0])
+    assert space.seen((there + ahead)[None])
+    assert space.seen((there - 20.0 * step)[None]), "flown through"
+    assert not space.seen((there + behind)[None])
