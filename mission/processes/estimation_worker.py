@@ -31,9 +31,10 @@ from perception.warm_up import warm_up_estimation
 
 SURVEY_PERIOD_S = 1.0
 PRIOR_PERIOD_S = 0.5
-#: The rotor's side, once seen, is kept for so long, while the tower stays where it was.
-SIDE_KEPT_S = 30.0
-SIDE_MOVED_M = 3.0
+#: The rotor's side, once seen, is kept for so long, while the tower stays where it was but for what
+#: the position wanders: on its way round a large rotor the flight does not see it for minutes.
+SIDE_KEPT_S = 180.0
+SIDE_MOVED_M, MOST_WANDER = 3.0, 4.0
 #: The vehicle stands still when it has moved by less over the poses kept (6 s).
 STEADY_M = 2.0
 QUICK_DPS = 2.0
@@ -132,7 +133,9 @@ class EstimationWorker:
         result = None if gathered.survey is None else gathered.survey.result()
         if result is None:
             return
-        gathered.prior = result = _with_side(result, gathered, task)
+        wander_m = MOST_WANDER * self._settings.positioning.wander_sigma_m
+        most_m = max(SIDE_MOVED_M, wander_m)
+        gathered.prior = result = _with_side(result, gathered, task, most_m)
         if result.normal_w is not None and (gathered.motion is None or _moved(gathered, result)):
             radius_m = 50.0 if turbine is None else turbine.rotor_radius_m
             gathered.watched = result
@@ -210,19 +213,24 @@ def _moved(gathered: _Gathered, result: SurveyResult) -> bool:
     return turned or float(np.linalg.norm(was.hub_w - result.hub_w)) > ANEW_M
 
 
-def _with_side(result: SurveyResult, gathered: _Gathered, task: SensingTask) -> SurveyResult:
+def _with_side(
+    result: SurveyResult, gathered: _Gathered, task: SensingTask, most_m: float
+) -> SurveyResult:
     """Return the result with the side last seen where this look alone leaves it open.
 
     A rotor does not lose its side between two looks; a view of few points does. A flight that
-    measures again says which side it has known.
+    measures again says which side it has known. ``most_m``: a tower that is found farther from
+    where it was, at the hub's height, is not the same.
     """
     if result.normal_w is not None:
         gathered.side = result
         return result
     known = gathered.side
     if known is not None and result.stamp_s - known.stamp_s <= SIDE_KEPT_S:
-        moved_m = float(np.linalg.norm((result.tower.foot_w - known.tower.foot_w)[:2]))
-        return result if moved_m > SIDE_MOVED_M else replace(known, stamp_s=result.stamp_s)
+        height_m = float(known.hub_w[2])
+        apart_w = result.tower.at_height(height_m) - known.tower.at_height(height_m)
+        moved_m = float(np.linalg.norm(apart_w[:2]))
+        return result if moved_m > most_m else replace(known, stamp_s=result.stamp_s)
     if task.normal_w is None or task.hub_w is None:
         return result
     return replace(result, normal_w=np.asarray(task.normal_w), hub_w=np.asarray(task.hub_w))
