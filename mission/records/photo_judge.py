@@ -21,6 +21,9 @@ _EDGE_PX = 5
 #: is metered before: a camera aimed a little aside has its narrow disc on the blade's edge.
 MIDDLE_RADII = 2.5
 _OUT_OF_SIGHT = (-1e9, -1e9)
+#: A blade that fills so much of the picture is wider than it: photographed in rows, each is aimed
+#: beside its middle on purpose.
+FILLS_SHARE = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +143,8 @@ def _fault(
         return "the blade is overexposed beyond recovery"
     if quality.mean_grey < limits.min_mean_grey:
         return "the picture is black"
-    if aim is not None and aim > limits.max_aim_error:
+    fills = share is not None and share > FILLS_SHARE
+    if aim is not None and aim > limits.max_aim_error and not fills:
         return f"aimed beside the blade, by {aim:.0%} of the picture's width"
     if blur_px is not None and blur_px > limits.max_blur_px:
         return f"blurred by motion, {blur_px:.1f} px"
