@@ -173,6 +173,16 @@ def test_a_photo_is_rejected_for_what_the_moment_tells(tmp_path, changes, reason
     assert reason in photo.record.reason
 
 
+@pytest.mark.parametrize("turned_rad", [0.13, -0.13])
+def test_a_row_of_a_blade_wider_than_the_picture_is_kept(tmp_path, turned_rad):
+    wide = PhotoSite("hill-4", load_turbine("windpact-1.5", 2.0))
+    moment = a_moment(gimbal_yaw_rad=math.pi / 2 + turned_rad)
+    photo = store(a_picture(), taken(), wide, Settings(), tmp_path, moment)
+    assert photo.record.aim_error > 0.3
+    assert photo.record.blade_share > 0.5
+    assert photo.record.kept
+
+
 def test_what_is_rejected_is_a_setting(tmp_path):
     strict = Settings().model_copy(
         update={"photos": Settings().photos.model_copy(update={"max_blur_px": 0.3})}
