@@ -10,6 +10,7 @@ from benchmarks.virtual_flight import Truth, true_model
 from config.presets import load_turbine
 from config.settings import Settings
 from mission.flight.footprint import gsd_m
+from mission.flight.occlusion import behind_tower
 from mission.flight.passes import UPRIGHT
 from mission.flight.section import Section
 from mission.flight.skin import INCIDENCE_COS, Skin, blade_skin
@@ -119,3 +120,19 @@ def test_an_edge_too_sharp_to_have_skin_is_flown_straight(monkeypatch):
     (only,), *_ = views_of("A", "TE")
     assert (only.view.turn_deg, only.view.slant_deg) == (0, 0)
     assert only.stretch.any()
+
+
+@pytest.mark.parametrize(("stop", "blade"), [(5.0, "A"), (0.0, "A"), (113.0, "C")])
+def test_a_blade_before_the_tower_is_looked_at_past_it(stop, blade):
+    model = true_model(Truth(stop_angle_deg=stop, pitch_deg=3.0), TURBINE)
+    frame = next(each for each in model.frames if each.name == blade)
+    chosen, skin, place = views_of(blade, "SS", stop=stop)
+    section = Section(frame, TURBINE, np.linspace(0.0, frame.length_m, place.max() + 1))
+    feet_w = frame.root_w + skin.metres[:, None] * frame.axis_w
+    seen = np.zeros(len(skin.areas_m2), bool)
+    for one in chosen:
+        distance = np.nan_to_num(one.view.distance_m, nan=1e4)
+        aimed = section.centre(one.view.view_w) + distance[:, None] * one.view.view_w
+        free = ~behind_tower(feet_w + aimed[place], skin.points_w, model)
+        seen |= shown(one, skin, place) & free
+    assert skin.share(seen) > 0.9
