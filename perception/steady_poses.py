@@ -15,10 +15,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from perception.values import Pose
+from perception.values import Float, Pose
 
 #: The positions told pull for about so long.
 PULL_S = 5.0
+#: A position whose fast part is larger (standard deviation) blurs what is joined over seconds.
+NOISY_M = 0.1
 #: A gap in the poses, or a step of the frame, begins anew.
 MOST_GAP_S, MOST_APART_M = 1.0, 3.0
 KEPT = 120
@@ -29,6 +31,8 @@ class SteadyPoses:
 
     def __init__(self) -> None:
         self.poses: deque[Pose] = deque(maxlen=KEPT)
+        self._moved_w: deque[Float] = deque(maxlen=KEPT)
+        """(3,) of each: steadied position less the one told."""
 
     def follow(self, told: Iterable[Pose]) -> None:
         """Take in the poses that are newer than those before, sorted by stamp."""
@@ -37,17 +41,30 @@ class SteadyPoses:
             if pose.stamp_s > newest_s:
                 self._take(pose)
 
+    def moved_w(self, stamp_s: float) -> Float:
+        """Return what (3,) is to be added to a place told about a moment, among steadied ones."""
+        if not self.poses:
+            return np.zeros(3)
+        apart_s = [abs(pose.stamp_s - stamp_s) for pose in self.poses]
+        return self._moved_w[int(np.argmin(apart_s))]
+
     def _take(self, pose: Pose) -> None:
         if not self.poses:
-            self.poses.append(pose)
+            self._begin(pose)
             return
         last = self.poses[-1]
         gap_s = pose.stamp_s - last.stamp_s
         carried_w = last.position_w + 0.5 * gap_s * (last.velocity_w + pose.velocity_w)
         apart_w = pose.position_w - carried_w
         if gap_s > MOST_GAP_S or float(np.linalg.norm(apart_w)) > MOST_APART_M:
-            self.poses.clear()
-            self.poses.append(pose)
+            self._begin(pose)
             return
         place_w = carried_w + min(gap_s / PULL_S, 1.0) * apart_w
         self.poses.append(replace(pose, position_w=place_w))
+        self._moved_w.append(place_w - pose.position_w)
+
+    def _begin(self, pose: Pose) -> None:
+        self.poses.clear()
+        self._moved_w.clear()
+        self.poses.append(pose)
+        self._moved_w.append(np.zeros(3))

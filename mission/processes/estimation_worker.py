@@ -25,7 +25,7 @@ from perception.geometry import vec3
 from perception.hub_prior import SurveyResult, TowerSurvey
 from perception.rotor import Refusal, Rotor
 from perception.rotor_motion import RotorMotionWatch
-from perception.steady_poses import SteadyPoses
+from perception.steady_poses import NOISY_M, SteadyPoses
 from perception.values import Float, Pose, Scan
 from perception.warm_up import warm_up_estimation
 
@@ -45,8 +45,6 @@ SLOW_SEEN_S = 4.0
 STILL_DPS = 0.8
 #: A hub or an axis found so much elsewhere begins the watch of the rotor's motion anew.
 ANEW_M, ANEW_RAD = 3.0, math.radians(4.0)
-#: A position that jitters by more blurs the cloud of some seconds.
-NOISY_M = 0.1
 
 _HUB_PRIOR = TypeAdapter(HubPrior)
 _ROTOR = TypeAdapter(RotorEstimate)

@@ -131,7 +131,8 @@ class PhotoKeeper:
                 kept=record.kept and not again,
                 reason=record.reason or again,
                 stamp_s=taken.stamp_s,
-                mean_grey=record.mean_grey,
+                # A disc about a foot that the picture was not found to have may lie beside it.
+                mean_grey=None if record.blade_grey is None else record.mean_grey,
                 exposed=record.exposure_in_range is not False,
             )
         )

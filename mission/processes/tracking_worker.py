@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from dataclasses import replace
 
 import numpy as np
 from pydantic import TypeAdapter
@@ -21,7 +22,6 @@ from mission.flight.observation import (
     ClearanceState,
     ExposureState,
     RequestKind,
-    Vec3,
 )
 from mission.processes.blade_follower import BladeFollower, followed, kept_s
 from mission.processes.blade_metering import BladeMetering, MeteredBlade
@@ -37,6 +37,7 @@ from perception.exposure_control import ExposureControl
 from perception.frame_check import FrameCheck
 from perception.geometry import camera_looking_along, rotation_from_quaternion, vec3
 from perception.metering import histogram_of
+from perception.steady_poses import NOISY_M, SteadyPoses
 from perception.values import CameraPose, Float, Frame, Scan
 from perception.warm_up import warm_up_tracking
 
@@ -74,7 +75,10 @@ class TrackingWorker:
         self._exposure: ExposureControl | None = None
         self._told_s = float("-inf")
         self._frames = FrameCheck()
-        self._foot_w: Vec3 | None = None
+        noisy = settings.positioning.noise_sigma_m > NOISY_M
+        self._steady = SteadyPoses() if noisy else None
+        self._foot_w: Float | None = None
+        """(3,) where the LiDAR saw the blade last; among steadied poses, where there are."""
         self._rate_from_s = float("-inf")
         bus.subscribe_newest(Key.FRAME, self._take_frame)
         bus.subscribe(Key.INTENT, self._take_intent)
@@ -144,7 +148,9 @@ class TrackingWorker:
     ) -> None:
         velocity_w = self._inbox.poses[-1].velocity_w if self._inbox.poses else None
         track = self._follower.follow(task, points_w, stamp_s, position_w, velocity_w)
-        self._foot_w = None if track is None or track.from_model else track.foot_w
+        self._foot_w = None
+        if track is not None and not track.from_model:
+            self._foot_w = np.asarray(track.foot_w) + self._moved_w(track.stamp_s)
         if track is not None:
             self._bus.publish(Key.BLADE, _BLADE.dump_json(track))
 
@@ -211,8 +217,11 @@ class TrackingWorker:
         camera = self._camera_pose(frame.stamp_s)
         if camera is None:
             return None
-        foot_w = None if self._foot_w is None else np.asarray(self._foot_w)
-        found = self._metering.meter(frame, camera, self._inbox.task, foot_w)
+        if self._foot_w is not None:
+            # Picture and scan are of two moments, between which a position may jitter.
+            moved_w = self._moved_w(frame.stamp_s)
+            camera = replace(camera, position_w=camera.position_w + moved_w)
+        found = self._metering.meter(frame, camera, self._inbox.task, self._foot_w)
         if found is None:
             return None
         height, width = frame.grey.shape
@@ -222,6 +231,12 @@ class TrackingWorker:
         if shown is not None:
             self._bus.publish(Key.METERING, shown.model_dump_json().encode(), droppable=True)
         return found
+
+    def _moved_w(self, stamp_s: float) -> Float:
+        if self._steady is None:
+            return np.zeros(3)
+        self._steady.follow(self._inbox.poses)
+        return self._steady.moved_w(stamp_s)
 
     def _camera_pose(self, stamp_s: float) -> CameraPose | None:
         gimbal = self._inbox.gimbal_at(stamp_s)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -191,7 +192,9 @@ class Estimate:
             good = [renamed(one, flight.earlier) for one in good]
         rotor = agreed_rotor(agreed)
         pitches = {b.name: _agreed_pitch(good, b, flight) for b in rotor.blades}
-        flight.rotor = rotor
+        # One look may not have told what the others have: all that go by the rotor know it.
+        blades = tuple(replace(b, pitch_deg=pitches[b.name]) for b in rotor.blades)
+        flight.rotor = rotor = replace(rotor, blades=blades)
         prior = flight.observation.hub_prior
         flight.model = rotor_model(
             np.array(rotor.hub_w),

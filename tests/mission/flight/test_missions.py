@@ -413,6 +413,18 @@ def test_estimates_that_agree_but_are_unsure_are_compared_with_looks_from_farthe
     assert farthest > 1.5 * flight.settings.estimation.stand_off_m
 
 
+def test_a_pitch_that_one_look_told_is_known_to_all_that_go_by_the_rotor():
+    flight = mission()
+    flown = flight.run(limit_s=10.0)
+    while flight.machine.phase is not Phase.TRACK:
+        assert flight.machine.state is MissionState.RUNNING
+        flight.one_tick(flown)
+        if flight._rotor is not None:
+            flight.truth = dataclasses.replace(flight.truth, pitch_known=False)
+    rotor = flight.machine._flight.rotor
+    assert [blade.pitch_deg for blade in rotor.blades] == [2.0, 2.0, 2.0]
+
+
 def test_where_the_side_is_unknown_it_circles_until_it_is_known():
     flight = mission(truth=Truth(upwind_deg=0.0, side_known_within_deg=35.0))
     flown = flight.run()
