@@ -27,8 +27,9 @@ REMEMBERED = 900
 #: A camera's tone is the same all along: stills of a whole pass that stand apart otherwise than
 #: those before them show another part of the blade than the live picture was metered on.
 LEAST_STILLS, LAST_STILLS, AGREE_GREY = 6, 40, 6.0
-#: So many stills in a row, taken within this time of now, and apart by as much, are gone by.
-RECENT_STILLS, RECENT_S, RECENT_GREY, RECENT_AGREE = 3, 14.0, 20.0, 25.0
+#: So many stills in a row, taken within this time of now, are gone by where they all stand to one
+#: side of the live picture, by the least of this (grey) each, and by as much in the middle.
+RECENT_STILLS, RECENT_S, LEAST_EACH, RECENT_GREY, RECENT_AGREE = 3, 14.0, 8.0, 16.0, 35.0
 #: Less than this apart (grey) is as good as alike; more than that is no tone curve's doing.
 LEAST_GREY, MOST_GREY = 10.0, 60.0
 #: A figure that moves by less is not told anew.
@@ -91,11 +92,10 @@ class StillOffset:
     def _of_this_pass(self, now_s: float) -> float:
         """Return what the newest stills say, where they say it clearly; else the camera's tone."""
         apart = [grey for taken_s, grey in self._recent if now_s - taken_s < RECENT_S]
-        if (
-            len(apart) < RECENT_STILLS
-            or min(abs(grey - self._tone) for grey in apart) < RECENT_GREY
-        ):
+        beyond = [grey - self._tone for grey in apart]
+        if len(apart) < RECENT_STILLS or max(apart) - min(apart) > RECENT_AGREE:
             return self._tone
-        if max(apart) - min(apart) > RECENT_AGREE:
+        aside = min(beyond) >= LEAST_EACH or max(beyond) <= -LEAST_EACH
+        if not aside or abs(median(beyond)) < RECENT_GREY:
             return self._tone
         return min(max(round(median(apart)), -MOST_GREY), MOST_GREY)
