@@ -22,9 +22,9 @@ from perception.voxel_hash import EMPTY, Int64, compiled, pack, rebuild, slot_of
 
 #: The site's ground height and the type's tower height together are not worse than this.
 MAX_TOP_ERROR_M = 12.0
-#: What is seen over less than this share of the tower's length seen before, and stands this far
-#: from it, is a blade that points up or down.
-SHORT_SHARE, ELSEWHERE_M = 0.5, 4.0
+#: What is seen over less than this share of the tower's length seen before is no better, or a blade
+#: that points up or down.
+SHORT_SHARE = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,18 +123,18 @@ class TowerSurvey:
         return SurveyResult(self._stamp_s, tower, hub, -found.upwind_w, sigma, yaw_sigma_deg)
 
     def _known(self, tower: Tower) -> Tower:
-        """Return the tower, or the one seen before where this one must be something else.
+        """Return the tower, or the one seen before where much more of that was seen.
 
         Of a large turbine the lower tower is out of view for minutes while the flight goes round
-        to the rotor's front.
+        to the rotor's front: what is then found may be a blade, and a piece of the tower does not
+        tell its taper, by which the blades are told from it.
         """
         before = self._longest
-        if before is None or _length_m(tower) >= SHORT_SHARE * _length_m(before):
-            if before is None or _length_m(tower) >= _length_m(before):
-                self._longest = tower
-            return tower
-        apart = (tower.at_height(tower.highest_m) - before.at_height(tower.highest_m))[:2]
-        return before if float(np.hypot(*apart)) > ELSEWHERE_M else tower
+        if before is not None and _length_m(tower) < SHORT_SHARE * _length_m(before):
+            return before
+        if before is None or _length_m(tower) >= _length_m(before):
+            self._longest = tower
+        return tower
 
     def _top_is_credible(self, tower: Tower) -> bool:
         """A blade seen beyond the view of the tower can pass for something above its top."""

@@ -25,6 +25,7 @@ from perception.geometry import vec3
 from perception.hub_prior import SurveyResult, TowerSurvey
 from perception.rotor import Refusal, Rotor
 from perception.rotor_motion import RotorMotionWatch
+from perception.side_votes import SideVotes
 from perception.steady_poses import NOISY_M, SteadyPoses
 from perception.values import Float, Pose, Scan
 from perception.warm_up import warm_up_estimation
@@ -58,8 +59,8 @@ class _Gathered:
     begun_s: float
     turbine: str = ""
     survey: TowerSurvey | None = None
-    side: SurveyResult | None = None
-    """The last look in which the rotor's side was seen."""
+    sides: SideVotes = field(default_factory=lambda: SideVotes(SIDE_KEPT_S))
+    """Looks in which the rotor's side was seen."""
     clouds: deque[tuple[float, Float, Float]] = field(default_factory=deque)
     motion: RotorMotionWatch | None = None
     watched: SurveyResult | None = None
@@ -98,8 +99,10 @@ class EstimationWorker:
         if task.task_id != self._gathered.task_id:
             # The tower does not move: what was seen of it serves the next task too.
             same = self._gathered.turbine == task.turbine
-            survey, side = (self._gathered.survey, self._gathered.side) if same else (None, None)
-            self._gathered = _Gathered(task.task_id, scan.stamp_s, task.turbine, survey, side)
+            before, began_s = self._gathered, scan.stamp_s
+            self._gathered = _Gathered(task.task_id, began_s, task.turbine)
+            if same:
+                self._gathered.survey, self._gathered.sides = before.survey, before.sides
         points_w, origins_w = points_in_world(
             scan, self._poses(), self._settings.lidar, trusted_only=True
         )
@@ -133,7 +136,7 @@ class EstimationWorker:
             return
         wander_m = MOST_WANDER * self._settings.positioning.wander_sigma_m
         most_m = max(SIDE_MOVED_M, wander_m)
-        gathered.prior = result = _with_side(result, gathered, task, most_m)
+        gathered.prior = result = _with_side(result, gathered.sides, task, most_m)
         if result.normal_w is not None and (gathered.motion is None or _moved(gathered, result)):
             radius_m = 50.0 if turbine is None else turbine.rotor_radius_m
             gathered.watched = result
@@ -212,26 +215,37 @@ def _moved(gathered: _Gathered, result: SurveyResult) -> bool:
 
 
 def _with_side(
-    result: SurveyResult, gathered: _Gathered, task: SensingTask, most_m: float
+    result: SurveyResult, sides: SideVotes, task: SensingTask, most_m: float
 ) -> SurveyResult:
-    """Return the result with the side last seen where this look alone leaves it open.
+    """Return the result with the side that the looks of late name.
 
     A rotor does not lose its side between two looks; a view of few points does. A flight that
     measures again says which side it has known. ``most_m``: a tower that is found farther from
     where it was, at the hub's height, is not the same.
     """
     if result.normal_w is not None:
-        gathered.side = result
+        sides.add(result)
+    known = sides.believed(result.stamp_s)
+    if known is result:
         return result
-    known = gathered.side
-    if known is not None and result.stamp_s - known.stamp_s <= SIDE_KEPT_S:
+    if known is not None:
         height_m = float(known.hub_w[2])
         apart_w = result.tower.at_height(height_m) - known.tower.at_height(height_m)
-        moved_m = float(np.linalg.norm(apart_w[:2]))
-        return result if moved_m > most_m else replace(known, stamp_s=result.stamp_s)
-    if task.normal_w is None or task.hub_w is None:
-        return result
+        near = float(np.linalg.norm(apart_w[:2])) <= most_m
+        return replace(known, stamp_s=result.stamp_s) if near else _sideless(result)
+    if result.normal_w is not None or task.normal_w is None or task.hub_w is None:
+        return _sideless(result)
     return replace(result, normal_w=np.asarray(task.normal_w), hub_w=np.asarray(task.hub_w))
+
+
+def _sideless(result: SurveyResult) -> SurveyResult:
+    """Return a result without the side that it names: others contradict it."""
+    if result.normal_w is None:
+        return result
+    centre_w = result.tower.at_height(float(result.hub_w[2]))
+    apart_m = float(np.linalg.norm(result.hub_w - centre_w))
+    sigma_m = math.hypot(result.sigma_m, apart_m)
+    return replace(result, normal_w=None, hub_w=centre_w, sigma_m=sigma_m, yaw_sigma_deg=180.0)
 
 
 def _prior(result: SurveyResult, turning: bool | None) -> HubPrior:
