@@ -41,8 +41,8 @@ from mission.flight.observation import (
 
 FLIGHT_TICK_S = 0.05
 SCAN_S = 0.1
-#: A pack with less than this is changed in the air: split flights are counted, not flown. What the
-#: way home takes, a pass before it and the reserve of a fifth: a flight would begin no further pass.
+#: A pack with less than this is changed in the air: split flights are counted, not flown. It is
+#: what the way home, one pass and the reserve of a fifth take: no further pass would be begun.
 CHANGE_PACK_AT = 0.32
 NEAR_EVERY = 10
 #: A photo aimed farther beside the blade's middle than this is one of several rows.

@@ -96,6 +96,8 @@ class Flight:
         self.request: Request | None = None
         self.earlier: Earlier | None = None
         """What earlier flights of the same inspection left behind."""
+        self.named_deg: float | None = None
+        """The stop angle by which the blades were named, when the rotor was measured first."""
         self.home_w: Vec3 | None = None
         self.rendezvous_w: Vec3 | None = None
         """Where a vehicle that was taken over in the air is handed back, hovering."""

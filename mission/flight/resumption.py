@@ -50,11 +50,14 @@ def turned_words(earlier: Earlier, rotor: RotorEstimate) -> str:
     )
 
 
-def renamed(estimate: RotorEstimate, earlier: Earlier) -> RotorEstimate:
-    """Return an estimate whose blades bear the names that they had (design: the nearest)."""
-    if earlier.stop_angle_deg is None:
+def renamed(estimate: RotorEstimate, stop_angle_deg: float | None) -> RotorEstimate:
+    """Return an estimate whose blades bear the names that they had (design: the nearest).
+
+    ``stop_angle_deg``: by which they were named, None: never.
+    """
+    if stop_angle_deg is None:
         return estimate
-    then = dict(zip("ABC", blade_angles_deg(earlier.stop_angle_deg), strict=True))
+    then = dict(zip("ABC", blade_angles_deg(stop_angle_deg), strict=True))
     now = dict(zip("ABC", blade_angles_deg(estimate.stop_angle_deg), strict=True))
 
     def name(new: str) -> str:

@@ -5,7 +5,7 @@ metres is the angle by which the blade has turned: within the rotor plane (the r
 out of it (the nacelle yawed). A constant offset is the vehicle's own drift and says nothing; a
 drift that grows during the pass looks like a turn, so what counts as one depends on how well the
 position is known. Blades bend and have two skins: out of the plane a pass is compared only with the
-first one of the same blade and side. World ENU, metres; pure.
+first one of the same blade and side that looked from where it looks. World ENU, metres; pure.
 """
 
 from __future__ import annotations
@@ -33,6 +33,8 @@ MOST_OFFSET_M = 6.0
 MOVED_RAD = math.radians(2.0)
 RTK_DRIFT_M, OTHER_DRIFT_M = 0.8, 3.0
 RTK_FIX = 6
+#: Views that differ by less than this (cosine of 10 deg) show the same skin.
+SAME_VIEW = math.cos(math.radians(10.0))
 #: A moving rotor goes on moving: seen for so long, in one pass.
 SEEN_S = 2.0
 EVERY_S = 0.5
@@ -55,6 +57,8 @@ class _Pass:
     task_id: int
     side: tuple[str, str] = ("", "")
     """Blade and side."""
+    view_w: Float | None = None
+    """(3,) unit, from the blade to the vehicle, as the pass began."""
     metres: list[float] = field(default_factory=list)
     offsets: list[tuple[float, float]] = field(default_factory=list)
     beyond_s: float | None = None
@@ -70,7 +74,8 @@ class RotorWatch:
         self._rotor_s: float | None = None
         self._stamp_s = -math.inf
         self._pass = _Pass(-1)
-        self._first: dict[tuple[str, str], float] = {}
+        self._first: list[tuple[tuple[str, str], Float, float]] = []
+        """Blade and side, from where it was looked at, and what showed out of the plane."""
         self.turns: dict[str, BladeTurn] = {}
         """The newest of each blade, for the record."""
 
@@ -88,17 +93,25 @@ class RotorWatch:
         # From the way to a leg a blade is seen aslant: its nearest points are not its axis.
         if flight.on_leg and track is not None and track.stamp_s > self._stamp_s:
             self._stamp_s = track.stamp_s
-            self._take(track, task)
+            self._take(track, task, flight.here_w)
         return self._beyond(flight, task)
 
     def _next(self, task: SensingTask) -> None:
         """Begin a pass; what the first one of a side showed is what later ones are held to."""
         over = self._pass
-        if over.turn is not None:
-            self._first.setdefault(over.side, over.turn.out_of_plane_rad)
+        if over.turn is not None and over.view_w is not None and self._shown(over) is None:
+            self._first.append((over.side, over.view_w, over.turn.out_of_plane_rad))
         self._pass = _Pass(task.task_id, (task.blade, task.side))
 
-    def _take(self, track: BladeTrack, task: SensingTask) -> None:
+    def _shown(self, over: _Pass) -> float | None:
+        """Return what the first pass that looked from there showed out of the plane."""
+        view_w = over.view_w
+        for side, seen_from_w, out_of_plane_rad in self._first:
+            if side == over.side and view_w is not None and view_w @ seen_from_w > SAME_VIEW:
+                return out_of_plane_rad
+        return None
+
+    def _take(self, track: BladeTrack, task: SensingTask, here_w: Float) -> None:
         root_w, tip_w = task.blade_root_w, task.blade_tip_w
         if root_w is None or tip_w is None or task.normal_w is None:
             return
@@ -119,6 +132,9 @@ class RotorWatch:
         normal = normal / np.linalg.norm(normal)
         # With the rotation axis pointing downwind, counter-clockwise from the front is along this.
         onward = np.cross(axis, normal)
+        if self._pass.view_w is None:
+            away = here_w - np.array(track.foot_w)
+            self._pass.view_w = away / max(float(np.linalg.norm(away)), 1e-6)
         self._pass.metres.append(metre)
         self._pass.offsets.append((float(offset @ onward), float(offset @ normal)))
 
@@ -138,7 +154,8 @@ class RotorWatch:
             return False
         self.turns[task.blade] = turn
         limit = MOVED_RAD + math.atan2(_drift_m(flight), turn.span_m)
-        first = self._first.get((task.blade, task.side), turn.out_of_plane_rad)
+        shown = self._shown(self._pass)
+        first = turn.out_of_plane_rad if shown is None else shown
         return abs(turn.in_plane_rad) > limit or abs(turn.out_of_plane_rad - first) > limit
 
 

@@ -187,10 +187,15 @@ class Estimate:
     def _finish(self, flight: Flight) -> None:
         """Fix the rotor, build the model, begin to plan."""
         agreed, good = self._agreed, self._good or self._agreed
-        if flight.earlier is not None:
-            agreed = [renamed(one, flight.earlier) for one in agreed]
-            good = [renamed(one, flight.earlier) for one in good]
+        # Measured again near 0 deg, the blades keep the names that their photos bear.
+        named_deg = flight.named_deg
+        if flight.earlier is not None and flight.earlier.stop_angle_deg is not None:
+            named_deg = flight.earlier.stop_angle_deg
+        agreed = [renamed(one, named_deg) for one in agreed]
+        good = [renamed(one, named_deg) for one in good]
         rotor = agreed_rotor(agreed)
+        if flight.named_deg is None:
+            flight.named_deg = rotor.stop_angle_deg
         pitches = {b.name: _agreed_pitch(good, b, flight) for b in rotor.blades}
         # One look may not have told what the others have: all that go by the rotor know it.
         blades = tuple(replace(b, pitch_deg=pitches[b.name]) for b in rotor.blades)

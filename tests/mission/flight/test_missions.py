@@ -369,6 +369,24 @@ def test_a_rotor_that_moved_when_nearly_all_was_flown_ends_in_a_completed_missio
     assert flight.machine.state is MissionState.COMPLETED
 
 
+def test_measured_again_on_the_other_side_of_0_deg_the_blades_keep_their_names():
+    flight = mission(truth=Truth(stop_angle_deg=0.4))
+    flown = flight.run(limit_s=10.0)
+    while flight.machine.phase is not Phase.TRACK:
+        flight.one_tick(flown)
+    hanging = min(flight.machine._flight.model.frames, key=lambda f: f.axis_w[2]).name
+    flight.truth = dataclasses.replace(flight.truth, stop_angle_deg=119.8)
+    flight.machine._flight.raised.add(Event.ROTOR_MOVED)
+    while flight.machine.phase is Phase.TRACK:
+        flight.one_tick(flown)
+    while flight.machine.phase is not Phase.TRACK:
+        assert flight.machine.state is MissionState.RUNNING
+        flight.one_tick(flown)
+    assert flight.machine._flight.rotor.stop_angle_deg == pytest.approx(119.8, abs=0.5)
+    frames = flight.machine._flight.model.frames
+    assert min(frames, key=lambda f: f.axis_w[2]).name == hanging == "A"
+
+
 def test_a_turning_rotor_is_never_approached():
     flight = mission(truth=Truth(turning=True))
     flown = flight.run()

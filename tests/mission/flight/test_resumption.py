@@ -232,7 +232,7 @@ def test_blades_keep_their_names_across_the_cut(then, now):
     named = zip("ABC", names_at(now), strict=True)
     blades = tuple(BladeEstimate(name, (angle, 0.0, 0.0), 2.0) for name, angle in named)
     anew = RotorEstimate(0.0, 1, stop_angle_deg=now, blades=blades)
-    found = renamed(anew, Earlier(1, 1, stop_angle_deg=then))
+    found = renamed(anew, then)
     assert [blade.name for blade in found.blades] == ["A", "B", "C"]
     for blade in found.blades:
         off = (blade.direction_w[0] - angles[blade.name] + 180.0) % 360.0 - 180.0

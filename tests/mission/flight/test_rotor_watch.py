@@ -54,6 +54,7 @@ def fly(
     drift_m=0.0,
     seed=1,
     on_leg=True,
+    view_w=-MODEL.normal_w,
 ):
     """Fly along blade A; ``true_axis_at(t_s)`` returns root and tip as they really are.
 
@@ -80,7 +81,7 @@ def fly(
             now, FRAME.name, tuple(foot), tuple(axis), 12.0, 500.0, tuple(foot - on_model), 0.05
         )
         flight = types.SimpleNamespace(
-            rotor=rotor, task=task, now_s=now, on_leg=on_leg,
+            rotor=rotor, task=task, now_s=now, on_leg=on_leg, here_w=foot + 12.0 * view_w,
             observation=Observation(now, k, vehicle(now, fix), blade=track),
         )  # fmt: skip
         if watch.moved(flight):
@@ -153,6 +154,15 @@ def test_a_nacelle_that_has_yawed_since_the_first_pass_is_noticed_where_the_blad
     late = fly(watch, by_yaw(lambda _: 15.0), task_id=3, from_s=200.0)
     lean = np.degrees(np.arccos(abs(MODEL.axes[0] @ [0, 0, 1])))
     assert (late is not None) == (15.0 * np.sin(np.radians(lean)) > 4.0)
+
+
+def test_a_side_looked_at_from_elsewhere_shows_other_skin_and_is_not_held_to_the_first_view():
+    bent, watch = by_yaw(lambda _: 15.0), RotorWatch()
+    assert fly(watch, still) is None
+    aside_w = turned(-MODEL.normal_w, MODEL.axes[0], np.radians(45.0), np.zeros(3))
+    assert fly(watch, bent, task_id=2, from_s=150.0, view_w=aside_w) is None
+    # What that view has shown, it is held to.
+    assert fly(watch, bent, task_id=3, from_s=200.0, view_w=aside_w) is None
 
 
 def test_a_blade_seen_aslant_from_the_way_to_a_leg_says_nothing():
