@@ -68,6 +68,16 @@ class Received:
     fields: Mapping[str, object]
     arrival_ns: int
 
+    @classmethod
+    def of(
+        cls, name: str, component_id: int, fields_json: str | bytes, arrival_ns: int
+    ) -> Received:
+        """Return a message as MAVSDK hands it over; raises `ValueError` where that is no object."""
+        fields = json.loads(fields_json)
+        if not isinstance(fields, dict):
+            raise ValueError(f"{name}: its fields are no object")  # noqa: TRY004 - bad data
+        return cls(name, component_id, fields, arrival_ns)
+
     def number(self, key: str) -> float:
         """Return a numeric field; NaN where it is absent or NaN on the wire."""
         value = self.fields.get(key)
@@ -185,8 +195,8 @@ class Wire:
                 return
             arrival_ns = time.monotonic_ns()
             try:
-                fields = json.loads(message.fields_json)
-                listener(Received(name, int(message.component_id), fields, arrival_ns))
+                component = int(message.component_id)
+                listener(Received.of(name, component, message.fields_json, arrival_ns))
             except (ArithmeticError, LookupError, TypeError, ValueError):
                 # Whatever a damaged message holds, MAVSDK's thread goes on.
                 _log.warning("%s not understood: %.200s", name, message.fields_json)

@@ -73,8 +73,7 @@ def _mavlink(data: bytes) -> None:
     """Take a message as MAVSDK hands it over: its name and its fields as JSON."""
     state = VehicleState(MonotonicClock())
     name = VehicleState.MESSAGES[data[0] % len(VehicleState.MESSAGES)] if data else "HEARTBEAT"
-    fields = json.loads(data[1:])
-    state.take(Received(name, 1, fields, 1))
+    state.take(Received.of(name, 1, data[1:], 1))
     state.reading()
 
 
