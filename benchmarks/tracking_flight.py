@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from benchmarks.tracking_outline import Outline, blade_beside, met_by
 from benchmarks.tracking_payload import JUDGED_S, Payload, Still
 from benchmarks.tracking_senses import Senses
 from benchmarks.tracking_trials import Trial
@@ -36,8 +37,10 @@ from mission.flight.observation import (
     PhotoResult,
     Request,
     RequestKind,
+    Vec3,
     Vehicle,
 )
+from perception.geometry import vec3
 
 FLIGHT_TICK_S = 0.05
 SCAN_S = 0.1
@@ -45,6 +48,8 @@ SCAN_S = 0.1
 #: what the way home, one pass and the reserve of a fifth take: no further pass would be begun.
 CHANGE_PACK_AT = 0.32
 NEAR_EVERY = 10
+#: How often the outline of a blade is not found in a photo, and how well its place is otherwise.
+OUTLINE_MISSED, OUTLINE_SIGMA_M = 0.05, 0.05
 #: A photo aimed farther beside the blade's middle than this is one of several rows.
 ASIDE_M = 0.1
 TERMINAL = frozenset(MissionState) - {
@@ -117,6 +122,8 @@ class TrackingFlight:
         self.flown = Flown(self.machine)
         self.now_s = 0.0
         self.previous: GuardedCommand | None = None
+        self._outlines = {name: Outline(caster, trial, name) for name in self.senses.blades}
+        self._outline_rng = np.random.default_rng([settings.simulation.seed, 0x0E])
         self._watch = watch
         self._caster = caster
         self._guard = Guard(settings)
@@ -259,9 +266,28 @@ class TrackingFlight:
             kept = blade_in_picture(self.trial, still, self._caster)
             self.flown.rejected += not kept
             self._judged.append((now_s, still.command.photo_id))
-            found.append(PhotoResult(still.command.photo_id, kept, "" if kept else "no blade"))
+            reason = "" if kept else "no blade"
+            beside_w = self._outline_found(still) if kept else None
+            found.append(
+                PhotoResult(still.command.photo_id, kept, reason, still.t_s, beside_w=beside_w)
+            )
             done += 1
         return tuple(found)
+
+    def _outline_found(self, still: Still) -> Vec3 | None:
+        """What the recorder finds in a picture of the blade's place beside the optical axis."""
+        rng = self._outline_rng
+        missed, error_m = rng.random() < OUTLINE_MISSED, rng.normal(0.0, OUTLINE_SIGMA_M)
+        if missed or still.command.photo_id in self.flown.in_rows:
+            return None
+        blade = self.senses.blades[still.command.blade]
+        beside = blade_beside(self.trial, still, blade, self._outlines[still.command.blade])
+        if beside is None:
+            return None
+        tangent, across_w = beside
+        _, point = met_by(blade, still.eye_w, still.rotation_wc[:, 2])
+        depth_m = float((point - still.eye_w) @ still.rotation_wc[:, 2])
+        return vec3((tangent * depth_m + error_m) * across_w)
 
     def _obey(self, command: Command) -> None:
         aircraft, setpoint = self.aircraft, command.setpoint

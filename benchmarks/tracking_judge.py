@@ -7,26 +7,22 @@ where the blade lies in each picture, and which metre the optical axis really me
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from benchmarks.tracking_flight import Flown
+from benchmarks.tracking_outline import Outline, blade_beside, focal_px, met_by
 from benchmarks.tracking_payload import Still
 from benchmarks.tracking_senses import TrueBlade, true_blades
 from benchmarks.tracking_trials import Trial
 from drivers.simulated.camera_model import Exposure
 from drivers.simulated.judge import Skin, reachable, seen_in, skin_samples
-from drivers.simulated.mesh import Part
 from drivers.simulated.raycaster import Raycaster
 from drivers.simulated.rotor_frame import blade_names
 from drivers.simulated.stills import StillTruth, motion_blur_px
 from mission.flight.ledger import PhotoStatus
 from perception.values import CameraPose, Float
-
-#: Half of the blade's length about the optical axis that its middle is taken from.
-_ABOUT_M = 0.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +77,7 @@ class Judged:
 def judge(trial: Trial, flown: Flown, caster: Raycaster) -> Judged:
     """Judge a flown mission."""
     blades = true_blades(trial)
-    outlines = {name: _Outline(caster, trial, name) for name in blades}
+    outlines = {name: Outline(caster, trial, name) for name in blades}
     truths = [_truth_of(trial, still, caster) for still in flown.stills]
     photos = []
     for still, truth in zip(flown.stills, truths, strict=True):
@@ -96,19 +92,13 @@ def _truth_of(trial: Trial, still: Still, caster: Raycaster) -> StillTruth:
     hit = caster.cast(
         still.eye_w[None].astype(np.float32), axis[None].astype(np.float32), still.t_s
     )
-    focal_px = _focal_px(trial)
     pose = CameraPose(still.t_s, still.eye_w, still.rotation_wc)
     blur = motion_blur_px(
         pose, still.velocity_w, still.camera_rate_rps, float(hit.range_m[0]), still.shutter_s,
-        focal_px,
+        focal_px(trial),
     )  # fmt: skip
     exposure = Exposure(0.0, still.shutter_s, 100.0)
     return StillTruth(still.command.photo_id, still.t_s, pose, exposure, blur, 135.0, spoilt=False)
-
-
-def _focal_px(trial: Trial) -> float:
-    camera = trial.settings.camera
-    return camera.focal_length_mm / camera.sensor_width_mm * camera.width_px
 
 
 # --- sides ----------------------------------------------------------------------------------------
@@ -172,30 +162,10 @@ def _far(skin: Skin, truth: StillTruth) -> bool:
 
 def _gsd_mm(trial: Trial, skin: Skin, truth: StillTruth) -> Float:
     depth = (skin.points_w - truth.pose.position_w) @ truth.pose.rotation_wc[:, 2]
-    return np.asarray(1000.0 * depth / _focal_px(trial), np.float64)
+    return np.asarray(1000.0 * depth / focal_px(trial), np.float64)
 
 
 # --- photos ---------------------------------------------------------------------------------------
-
-
-class _Outline:
-    """The vertices of one blade's skin with their metres."""
-
-    def __init__(self, caster: Raycaster, trial: Trial, name: str) -> None:
-        mesh = caster.mesh
-        part = blade_names(trial.scene.stop_angle_deg).index(name)
-        rows = np.unique(mesh.triangles[mesh.part == Part(part)])
-        self._points = mesh.vertices[rows].astype(np.float64)
-        self._metres = mesh.metre[rows]
-
-    def middle(self, metre: float, eye_w: Float, across_w: Float, along_w: Float) -> float | None:
-        """Return where the blade's middle lies across the sight, as a tangent to the axis."""
-        near = np.abs(self._metres - metre) < _ABOUT_M
-        if not near.any():
-            return None
-        rays = self._points[near] - eye_w
-        tangent = (rays @ across_w) / (rays @ along_w)
-        return float(tangent.min() + tangent.max()) / 2
 
 
 def _photo(
@@ -203,45 +173,24 @@ def _photo(
     still: Still,
     truth: StillTruth,
     blade: TrueBlade,
-    outline: _Outline,
+    outline: Outline,
     in_rows: bool,
 ) -> PhotoFigures:
     camera = trial.settings.camera
-    sight = still.rotation_wc[:, 2]
-    metre, point = _met(blade, still.eye_w, sight)
-    across: Float = np.asarray(np.cross(sight, blade.frame.axis_w), np.float64)
-    across = across / float(np.linalg.norm(across))
-    middle = outline.middle(metre, still.eye_w, across, sight)
-    width = camera.sensor_width_mm / camera.focal_length_mm
-    half = 0.5 * math.hypot(width, camera.sensor_height_mm / camera.focal_length_mm)
-    passed = middle is None or abs(middle) > half
-    turning = still.camera_rate_rps * still.shutter_s * _focal_px(trial)
+    metre, point = met_by(blade, still.eye_w, still.rotation_wc[:, 2])
+    beside = blade_beside(trial, still, blade, outline)
+    turning = still.camera_rate_rps * still.shutter_s * focal_px(trial)
     return PhotoFigures(
         blade=still.command.blade,
         side=still.command.side,
         metre=still.command.metre,
-        metre_error_m=None if passed else still.command.metre - metre,
-        off_centre=None if passed or middle is None else middle / width,
+        metre_error_m=None if beside is None else still.command.metre - metre,
+        off_centre=None
+        if beside is None
+        else beside[0] * camera.focal_length_mm / camera.sensor_width_mm,
         blur_px=truth.blur_full_px,
         blur_speed_px=truth.blur_full_px - turning,
         distance_m=float(np.linalg.norm(point - still.eye_w)),
         again=still.command.repeated,
         in_rows=in_rows,
     )
-
-
-def _met(blade: TrueBlade, eye_w: Float, sight_w: Float) -> tuple[float, Float]:
-    """Return metre (from the root, along the undeflected axis) and point that a sight meets."""
-    rays = blade.centres_w - eye_w
-    along = rays @ sight_w
-    off = np.linalg.norm(rays - along[:, None] * sight_w, axis=1)
-    k = int(off.argmin())
-    # Between the stations beside: where the sight is nearest to the line through both.
-    low, high = max(k - 1, 0), min(k + 1, len(off) - 1)
-    direction = blade.centres_w[high] - blade.centres_w[low]
-    direction = direction / np.linalg.norm(direction)
-    between = blade.centres_w[k] - eye_w
-    b = float(direction @ sight_w)
-    share = (b * float(sight_w @ between) - float(direction @ between)) / max(1 - b * b, 1e-6)
-    point = blade.centres_w[k] + np.clip(share, -1.0, 1.0) * direction
-    return float((point - blade.root_w) @ blade.frame.axis_w), point

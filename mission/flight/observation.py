@@ -233,6 +233,8 @@ class PhotoResult:
     """Of the blade in it."""
     exposed: bool = True
     """False: the blade in it is out of the range of exposure; it is the best there is."""
+    beside_w: Vec3 | None = None
+    """From the optical axis to the blade's middle; None: its outline was not found."""
 
 
 class RequestKind(StrEnum):

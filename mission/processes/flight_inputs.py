@@ -132,6 +132,7 @@ class FlightInputs:
                 result.stamp_s,
                 result.mean_grey,
                 result.exposed,
+                result.beside_w,
             )
         )
 

@@ -24,6 +24,7 @@ from mission.records.photo_record import PhotoRecord, stored_records
 from mission.records.photos import NotAJpeg, PhotoLost, PhotoSite, fetch, store
 from mission.records.second_shot import asks_again
 from mission.remote.messages import PhotoResultMessage, PhotoTakenMessage
+from perception.geometry import vec3
 
 log = logging.getLogger(__name__)
 
@@ -134,6 +135,7 @@ class PhotoKeeper:
                 # A disc about a foot that the picture was not found to have may lie beside it.
                 mean_grey=None if record.blade_grey is None else record.mean_grey,
                 exposed=record.exposure_in_range is not False,
+                beside_w=None if photo.beside_w is None else vec3(photo.beside_w),
             )
         )
 

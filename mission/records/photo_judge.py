@@ -33,6 +33,8 @@ class Verdict:
     quality: PhotoQuality | None
     aim_error: float | None
     """Of the blade's middle from the picture's centre, as a share of the width."""
+    beside_w: Float | None
+    """(3,) from the optical axis to the blade's middle; None where its outline was not found."""
     blade_share: float | None
     blur_px: float | None
     """At the camera's full size."""
@@ -66,10 +68,11 @@ def judge(
         inner,
         whole=view.matched,
     )
-    aim = _aim_error(view, foot if foot_w is not None else None)
+    beside = _beside_px(view)
+    aim = _aim_error(view, beside, foot if foot_w is not None else None)
     blur = _blur_px(view, moment, shutter_s, settings)
     fault = _fault(quality, aim, share, blur, settings)
-    return Verdict(quality, aim, share, blur, fault)
+    return Verdict(quality, aim, _beside(view, beside), share, blur, fault)
 
 
 def blade_mask(view: PhotoView) -> Bytes | None:
@@ -95,25 +98,44 @@ def _foot(view: PhotoView, foot_w: Float | None) -> tuple[float, float]:
     return float(pixels[0, 0]), float(pixels[0, 1])
 
 
-def _aim_error(view: PhotoView, foot: tuple[float, float] | None) -> float | None:
-    """Return how far the blade's middle is from the picture's centre, as a share of the width."""
-    lens = view.lens
-    centre = np.array([lens.width_px / 2, lens.height_px / 2])
-    if view.stations is not None:
-        one, other = edges_px(view.stations, view.camera, lens)
-        if len(one) > 1:
-            return _to_line_px((one + other) / 2, centre) / lens.width_px
-    if foot is None or foot == _OUT_OF_SIGHT:
+def _beside_px(view: PhotoView) -> Float | None:
+    """Return how far (2,) the blade's middle lies from the picture's centre, in pixels."""
+    if view.stations is None:
         return None
-    return float(np.linalg.norm(np.array(foot) - centre)) / lens.width_px
+    one, other = edges_px(view.stations, view.camera, view.lens)
+    if len(one) < 2:
+        return None
+    return _to_line(_centre(view), (one + other) / 2)
 
 
-def _to_line_px(line: Float, point: Float) -> float:
-    """Return the distance of a point (2,) to a polyline (K, 2)."""
+def _aim_error(
+    view: PhotoView, beside_px: Float | None, foot: tuple[float, float] | None
+) -> float | None:
+    """Return how far the blade's middle is from the picture's centre, as a share of the width."""
+    if beside_px is None and (foot is None or foot == _OUT_OF_SIGHT):
+        return None
+    off_px = np.array(foot) - _centre(view) if beside_px is None else beside_px
+    return float(np.linalg.norm(off_px)) / view.lens.width_px
+
+
+def _beside(view: PhotoView, beside_px: Float | None) -> Float | None:
+    """Return the same in metres (3,), at the blade's range, where its edges show it."""
+    if beside_px is None or view.range_m is None or not view.matched:
+        return None
+    off_m = beside_px * view.range_m / view.lens.focal_px
+    return np.asarray(view.camera.rotation_wc[:, :2] @ off_m, np.float64)
+
+
+def _centre(view: PhotoView) -> Float:
+    return np.array([view.lens.width_px / 2, view.lens.height_px / 2])
+
+
+def _to_line(point: Float, line: Float) -> Float:
+    """Return the way (2,) from a point (2,) to the nearest one of a polyline (K, 2)."""
     start, step = line[:-1], np.diff(line, axis=0)
     share = np.einsum("kc,kc->k", point - start, step) / np.maximum((step**2).sum(axis=1), 1e-9)
-    nearest = start + np.clip(share, 0, 1)[:, None] * step
-    return float(np.linalg.norm(nearest - point, axis=1).min())
+    ways: Float = start + np.clip(share, 0, 1)[:, None] * step - point
+    return np.asarray(ways[np.linalg.norm(ways, axis=1).argmin()], np.float64)
 
 
 def _blur_px(

@@ -25,7 +25,7 @@ from mission.records.photo_record import PhotoRecord, view_record
 from mission.records.photo_view import PhotoView, view_of
 from mission.remote.messages import PhotoTakenMessage
 from perception.geometry import heading_from_enu_yaw, rotation_from_quaternion
-from perception.values import Bytes
+from perception.values import Bytes, Float
 
 __all__ = ["NotAJpeg", "PhotoLost", "PhotoSite", "StoredPhoto", "fetch", "store"]
 
@@ -48,6 +48,8 @@ class StoredPhoto:
     path: Path
     sightings: tuple[Sighting, ...] = ()
     """What the picture says of the vehicle's wander."""
+    beside_w: Float | None = None
+    """(3,) from the optical axis to the blade's middle, where the picture shows it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +107,7 @@ def store(
     path = folder / record.file
     write_whole(path, with_metadata(jpeg, record, settings.camera))
     write_whole(path.with_suffix(".json"), record.sidecar())
-    return StoredPhoto(record, path, view.sightings)
+    return StoredPhoto(record, path, view.sightings, verdict.beside_w)
 
 
 def _view(

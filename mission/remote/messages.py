@@ -297,6 +297,8 @@ class PhotoResultMessage(Message):
     """Of the blade in it, where it was found."""
     exposed: bool = True
     """False: the blade in it is known to be out of the range of exposure."""
+    beside_w: Vec3 | None = None
+    """From the optical axis to the blade's middle, metres, where its outline was found."""
 
 
 class FlightReport(Message):

@@ -7,12 +7,13 @@ beside, where a tip is near.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
 from mission.flight.around import arc, bearing_rad, before_hub
 from mission.flight.command import MissionState, Phase, SensingMode
-from mission.flight.flight import Flight, Intent
+from mission.flight.flight import Flight, Intent, PhaseStep
 from mission.flight.phases.estimate import Estimate
 from mission.flight.phases.leave import leave
 from mission.flight.watch_places import FRONT, WatchPlace, place_w, watch_places, way_between
@@ -31,12 +32,22 @@ ROOM_M = 15.0
 MOVED_M = 2.5
 
 
+class SideSearch(PhaseStep, Protocol):
+    """The phase that finds out on which side of its tower the rotor hangs."""
+
+    def look_again(self, flight: Flight, /) -> bool:
+        """Begin to look for it again from here; False: there is no way to."""
+        ...
+
+
 class Approach:
     """Arrive in front outside the sphere, make sure that the rotor stands still, go in."""
 
     phase = Phase.APPROACH
 
-    def __init__(self) -> None:
+    def __init__(self, search: SideSearch) -> None:
+        """``search``: where looks contradict each other on the way round, it is gone back to."""
+        self._search = search
         self._inward = False
         self._moving = False
         self._waiting_s: float | None = None
@@ -57,6 +68,9 @@ class Approach:
         normal = flight.normal_w
         if normal is None and self._unknown(flight):
             return Intent("looking for the side of the rotor", setpoint=flight.hold())
+        if normal is None and not self._inward and self._search.look_again(flight):
+            words = "looking for the side of the rotor again"
+            return Intent(words, setpoint=flight.hold(), then=self._search)
         if normal is None:
             words = "the side of the rotor is not known any more"
             return leave(flight, Intent(words, flight.hold()), MissionState.REFUSED, words)

@@ -33,6 +33,8 @@ SIDE_S = 3.0
 #: A tower or hub found this far from where it was believed moves the path.
 MOVED_M = 1.5
 ARC_SPEED_MPS = 5.0
+#: So near the hub's height it is circled at once.
+LEVEL_M = 5.0
 CIRCLE_STEP_RAD = math.radians(30.0)
 
 
@@ -81,6 +83,12 @@ class Ascend:
             self._arrived_s = flight.now_s
         hold = Intent(words, setpoint=flight.follow(yaw), gimbal=gimbal)
         return self._decide(flight, flight.now_s - self._arrived_s, hold)
+
+    def look_again(self, flight: Flight) -> bool:
+        """Circle on, from outside the sphere; from above the hub there is no way down known."""
+        above_m = float(flight.here_w[2] - flight.hub_w[2])
+        self._stage, self._moving = "climb" if above_m < -LEVEL_M else "circle", False
+        return above_m < LEVEL_M
 
     def _well_known(self, flight: Flight) -> bool:
         """Return whether the tower was seen where it is for a while: no need to go nearer."""
@@ -137,7 +145,7 @@ class Ascend:
         prior = flight.observation.hub_prior
         if prior is not None and prior.normal_w is not None:
             flight.note("prior_hub", f"rotor side known, sigma {prior.sigma_m:.1f} m")
-            return Intent(hold.words, hold.setpoint, gimbal=hold.gimbal, then=Approach())
+            return Intent(hold.words, hold.setpoint, gimbal=hold.gimbal, then=Approach(self))
         if waited_s < SIDE_S:
             return hold
         self._circled += 1

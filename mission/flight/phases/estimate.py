@@ -239,7 +239,12 @@ class Estimate:
                 found.passes[0].unseen[0].reason if found.passes else "none was asked for"
             )
             return leave(flight, intent, MissionState.REFUSED, words)
-        return Intent(intent.words, intent.setpoint, gimbal=intent.gimbal, then=Track())
+        return Intent(
+            intent.words,
+            intent.setpoint,
+            gimbal=intent.gimbal,
+            then=Track(flight.settings.positioning),
+        )
 
     def _open_books(self, flight: Flight, found: Plan) -> None:
         flight.plan, flight.leg_index = found, 0

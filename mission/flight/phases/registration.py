@@ -61,6 +61,8 @@ class Registration:
         """How long the offset has been one that only a moved rotor explains."""
         self.aim_w: Float = np.zeros(3)
         """The same for the camera, which is not pushed outward."""
+        self.found_s = math.inf
+        """When the LiDAR first saw the blade on this leg."""
         self.drift_w: Float = np.zeros(3)
         """(3,) the position's drift since the rotor was measured, as far as blades have shown."""
         self._live = LiveOffset()
@@ -82,7 +84,7 @@ class Registration:
             self._begun = False
         self._jumped_s, self._leapt = 0.0, False
         self._blade, self._push, self.moved_s = blade, 0.0, 0.0
-        self._begun_s = -math.inf
+        self._begun_s, self.found_s = -math.inf, math.inf
         self.shift_w = self.drift_w
 
     def fresh(self, flight: Flight, leg: Leg) -> bool:
@@ -142,6 +144,7 @@ class Registration:
             if track.stamp_s - self._stamp_s > LOST_S:
                 # Not seen for a while: what drifted meanwhile has not leapt.
                 self._begun = False
+            self.found_s = min(self.found_s, flight.now_s)
             step_s = min(track.stamp_s - self._stamp_s, 0.3)
             self._stamp_s = track.stamp_s
             # The foot lies beside the vehicle, wherever a leaning view looks.

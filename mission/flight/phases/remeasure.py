@@ -7,6 +7,7 @@ import numpy as np
 from mission.flight.command import Phase
 from mission.flight.flight import Flight, Intent
 from mission.flight.phases.approach import Approach
+from mission.flight.phases.ascend import Ascend
 
 
 class Remeasure:
@@ -23,4 +24,4 @@ class Remeasure:
         flight.rotor = flight.model = flight.plan = None
         flight.leg_index, flight.drift_w = 0, np.zeros(3)
         flight.open_corridor([])
-        return Intent("measuring the rotor again", setpoint=flight.hold(), then=Approach())
+        return Intent("measuring the rotor again", setpoint=flight.hold(), then=Approach(Ascend()))

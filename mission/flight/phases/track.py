@@ -1,9 +1,10 @@
 """Track: leg by leg along the blades, at constant distance, a photo a footprint.
 
 Along a leg the vehicle follows the planned line, moved by what the LiDAR says of the real blade
-(`Registration`); the gimbal looks at the blade's foot; photos are taken by `Shooter`. Legs are
-joined by ways of the roadmap. Metres whose photo failed, and skin that none shows, are flown again
-at once, while the blade is near; what is found missing later is flown again at the end.
+(`Registration`); the gimbal looks at the blade's foot, moved by what photos show (`Centring`);
+photos are taken by `Shooter`. Legs are joined by ways of the roadmap. Metres whose photo failed,
+and skin that none shows, are flown again at once, while the blade is near; what is found missing
+later is flown again at the end.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import math
 
 import numpy as np
 
+from config.photos import Positioning
 from mission.flight.command import MissionState, Phase
 from mission.flight.endurance import suffices
 from mission.flight.events import Event
@@ -20,9 +22,10 @@ from mission.flight.flight import Flight, Intent
 from mission.flight.footprint import tracking_speed_mps
 from mission.flight.leg import Leg
 from mission.flight.motion import Motion, shutter_s
+from mission.flight.phases.centring import Centring
 from mission.flight.phases.home import Home
 from mission.flight.phases.leave import StandOff, leave
-from mission.flight.phases.registration import Registration
+from mission.flight.phases.registration import LOST_S, Registration
 from mission.flight.phases.shooter import Shooter
 from perception.values import Float
 
@@ -38,6 +41,8 @@ PHOTOLESS_S = 60.0
 BLIND_MPS = 1.0
 #: Along a blade that it has lost; after so long the vehicle stands until it is seen again.
 LOST_MPS, LOST_HOLD_S = 0.5, 10.0
+#: Before the first photo the blade is looked for so long, and its offset left to settle so long.
+FIND_S, SETTLE_S = 2.5, 1.0
 EDGES = frozenset({"LE", "TE"})
 
 
@@ -46,17 +51,21 @@ class Track:
 
     phase = Phase.TRACK
 
-    def __init__(self) -> None:
+    def __init__(self, positioning: Positioning) -> None:
+        """``positioning``: how well the vehicle knows where it is."""
         self._leg: Leg | None = None
         self._shooter: Shooter | None = None
         self._running = False
         self._moving = False
         self._registration = Registration()
+        self._centring = Centring(positioning)
         self._gaps: list[Leg] | None = None
         self._at_once: Leg | None = None
         self._speed = 1.0
         self._got_to_w: Float | None = None
         self._got_s = 0.0
+        self._running_s = 0.0
+        """Since when the leg is flown along."""
         self._photo_s: float | None = None
         """When the last photo was asked for along the leg, or flying along it began."""
         self._begun = False
@@ -152,6 +161,7 @@ class Track:
         self._leg, self._shooter = leg, Shooter(leg, photos, self._motion)
         self._running = self._moving = False
         self._registration.begin(leg.blade)
+        self._centring.begin(leg, flight.now_s)
         tip = leg.root_w + leg.length_m * leg.axis_w
         chord = max(flight.turbine.blade.chord_m)
         width = chord + 1.0
@@ -192,7 +202,7 @@ class Track:
             flight.go(way, flight.settings.guard.max_speed_near_mps, shift)
         setpoint = flight.follow(yaw, 1.0, shift, firm=False)
         if flight.arrived(0.8, shift):
-            self._running, self._moving = True, False
+            self._running, self._moving, self._running_s = True, False, flight.now_s
         return Intent(words, setpoint=setpoint, gimbal=gimbal, ev=_ev(flight))
 
     def _way(self, flight: Flight, start: Float) -> Float | None:
@@ -215,13 +225,19 @@ class Track:
             if leg.blind:
                 self._speed = min(self._speed, BLIND_MPS)
             flight.go(_line(leg, metre, shooter.left), self._speed, shift)
-        seen = self._registration.aim_w
+        unseen = leg.blind or self._registration.lost_s(flight) > LOST_S
+        centring, photos = self._centring, flight.observation.photos
+        centring.step(photos, flight.now_s, unseen=unseen, firm=firm)
+        seen = self._registration.aim_w + centring.value_w
         foot = leg.target(min(max(metre, 0.0), leg.length_m)) + seen
         aim = flight.aim_at(foot)
         distance = self._distance(flight, leg, metre, here, shift)
-        photo, slow = shooter.step(flight, metre, distance, aim, foot, seen, self._speed)
+        photo, slow = None, 0.0
+        if self._settled(flight, leg):
+            photo, slow = shooter.step(flight, metre, distance, aim, foot, seen, self._speed)
         if photo is not None:
             self._photo_s = flight.now_s
+            centring.asked(photo.photo_id, photo.metre, flight.now_s)
         slow *= self._unseen(flight, leg)
         setpoint = flight.follow(_yaw(flight, leg), slow, shift, firm=firm)
         if shooter.left and flight.follower.left_m < 0.05:
@@ -238,6 +254,13 @@ class Track:
             f"blade {leg.blade} {leg.side} at {metre:.1f} m", setpoint=setpoint, gimbal=aim,
             ev=_ev(flight), photo=photo, metre=metre, distance_m=distance,
         )  # fmt: skip
+
+    def _settled(self, flight: Flight, leg: Leg) -> bool:
+        """Return whether the first photo need not wait for the LiDAR any more."""
+        waited_s = flight.now_s - self._running_s
+        return (
+            leg.blind or waited_s > FIND_S or flight.now_s - self._registration.found_s > SETTLE_S
+        )
 
     def _unseen(self, flight: Flight, leg: Leg) -> float:
         """Return by how much to slow a leg whose blade the LiDAR has lost; 0: hold.

@@ -450,6 +450,37 @@ def test_where_the_side_is_unknown_it_circles_until_it_is_known():
     assert flown.min_clearance_m >= 8.0
 
 
+def _sideless(from_s, to_s):
+    """Return a hook that hides the rotor's side in the approach, from and to seconds into it."""
+    begun = []
+
+    def hook(flight, observation):
+        if flight.machine.phase is Phase.APPROACH and not begun:
+            begun.append(flight.now_s)
+        prior = observation.hub_prior
+        hidden = begun and from_s <= flight.now_s - begun[0] < to_s
+        if prior is None or not hidden:
+            return observation
+        return dataclasses.replace(observation, hub_prior=dataclasses.replace(prior, normal_w=None))
+
+    return hook
+
+
+def test_a_side_that_looks_contradict_on_the_way_round_is_looked_for_again():
+    flight = mission(hook=_sideless(2.0, 20.0))
+    flown = flight.run()
+    assert flight.machine.state is MissionState.COMPLETED
+    assert flown.phases.count(Phase.ASCEND) == 2
+    assert flown.min_clearance_m >= 8.0
+
+
+def test_a_side_that_stays_contradicted_all_round_the_tower_is_refused():
+    flight = mission(hook=_sideless(2.0, 2000.0))
+    flight.run()
+    assert flight.machine.state is MissionState.REFUSED
+    assert "all round the tower" in flight.machine.report().words
+
+
 def test_a_tower_that_is_not_there_is_refused():
     flight = mission(tower_north_m=43.5)
     flight.truth = dataclasses.replace(flight.truth, tower_w=(0.0, 400.0, 0.0))

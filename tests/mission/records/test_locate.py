@@ -15,8 +15,10 @@ from mission.flight.observation import BladeTrack
 from mission.records.files import MANIFEST, manifest
 from mission.records.jpeg_segments import picture_data
 from mission.records.locate import OutsidePicture, locate
+from mission.records.photo_judge import blade_mask
 from mission.records.photo_moment import BladeThen, PhotoMoment
 from mission.records.photo_record import NotARecord, read_record
+from mission.records.photo_view import view_of
 from mission.records.photos import PhotoSite, store
 from mission.records.verify import NoManifest, check_manifest
 from mission.remote.messages import PhotoTakenMessage
@@ -181,6 +183,19 @@ def test_a_row_of_a_blade_wider_than_the_picture_is_kept(tmp_path, turned_rad):
     assert photo.record.aim_error > 0.3
     assert photo.record.blade_share > 0.5
     assert photo.record.kept
+
+
+def test_the_picture_tells_how_far_beside_its_middle_the_blade_lies(tmp_path):
+    plain = np.full((486, 648), 60, np.uint8)
+    # The camera really looks 0.03 rad west of where it is said to: the blade shows to the east.
+    really = view_of(a_moment(gimbal_yaw_rad=math.pi / 2 + 0.03), SITE.turbine, Settings(), plain)
+    picture = np.where(blade_mask(really) > 0, 170, 60)
+    noisy = np.clip(np.random.default_rng(3).normal(picture, 4), 0, 255).astype(np.uint8)
+    jpeg = cv2.imencode(".jpg", noisy)[1].tobytes()
+    photo = store(jpeg, taken(), SITE, Settings(), tmp_path, a_moment())
+    assert photo.beside_w == pytest.approx([0.03 * 12.2, 0.0, 0.0], abs=0.06)
+    assert photo.record.aim_error == pytest.approx(0.03 * 12.2 / 4.6, abs=0.02)
+    assert store(a_picture(), taken(8), SITE, Settings(), tmp_path, a_moment()).beside_w is None
 
 
 def test_what_is_rejected_is_a_setting(tmp_path):
