@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from benchmarks.tracking_outline import Outline, blade_beside, met_by
+from benchmarks.tracking_outline import blade_beside, met_by, outline_of
 from benchmarks.tracking_payload import JUDGED_S, Payload, Still
 from benchmarks.tracking_senses import Senses
 from benchmarks.tracking_trials import Trial
@@ -122,7 +122,7 @@ class TrackingFlight:
         self.flown = Flown(self.machine)
         self.now_s = 0.0
         self.previous: GuardedCommand | None = None
-        self._outlines = {name: Outline(caster, trial, name) for name in self.senses.blades}
+        self._outlines = {name: outline_of(caster, trial, name) for name in self.senses.blades}
         self._outline_rng = np.random.default_rng([settings.simulation.seed, 0x0E])
         self._watch = watch
         self._caster = caster

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from benchmarks.tracking_flight import Flown
-from benchmarks.tracking_outline import Outline, blade_beside, focal_px, met_by
+from benchmarks.tracking_outline import blade_beside, focal_px, met_by, outline_of
 from benchmarks.tracking_payload import Still
 from benchmarks.tracking_senses import TrueBlade, true_blades
 from benchmarks.tracking_trials import Trial
@@ -20,6 +20,7 @@ from drivers.simulated.camera_model import Exposure
 from drivers.simulated.judge import Skin, reachable, seen_in, skin_samples
 from drivers.simulated.raycaster import Raycaster
 from drivers.simulated.rotor_frame import blade_names
+from drivers.simulated.still_centre import BladeOutline
 from drivers.simulated.stills import StillTruth, motion_blur_px
 from mission.flight.ledger import PhotoStatus
 from perception.values import CameraPose, Float
@@ -77,7 +78,7 @@ class Judged:
 def judge(trial: Trial, flown: Flown, caster: Raycaster) -> Judged:
     """Judge a flown mission."""
     blades = true_blades(trial)
-    outlines = {name: Outline(caster, trial, name) for name in blades}
+    outlines = {name: outline_of(caster, trial, name) for name in blades}
     truths = [_truth_of(trial, still, caster) for still in flown.stills]
     photos = []
     for still, truth in zip(flown.stills, truths, strict=True):
@@ -173,7 +174,7 @@ def _photo(
     still: Still,
     truth: StillTruth,
     blade: TrueBlade,
-    outline: Outline,
+    outline: BladeOutline,
     in_rows: bool,
 ) -> PhotoFigures:
     camera = trial.settings.camera

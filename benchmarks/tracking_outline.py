@@ -9,37 +9,20 @@ import numpy as np
 from benchmarks.tracking_payload import Still
 from benchmarks.tracking_senses import TrueBlade
 from benchmarks.tracking_trials import Trial
-from drivers.simulated.mesh import Part
 from drivers.simulated.raycaster import Raycaster
 from drivers.simulated.rotor_frame import blade_names
+from drivers.simulated.still_centre import BLADES, BladeOutline
 from perception.values import Float
 
-#: Half of the blade's length about the optical axis that its middle is taken from.
-_ABOUT_M = 0.6
 
-
-class Outline:
-    """The vertices of one blade's skin with their metres."""
-
-    def __init__(self, caster: Raycaster, trial: Trial, name: str) -> None:
-        mesh = caster.mesh
-        part = blade_names(trial.scene.stop_angle_deg).index(name)
-        rows = np.unique(mesh.triangles[mesh.part == Part(part)])
-        self._points = mesh.vertices[rows].astype(np.float64)
-        self._metres = mesh.metre[rows]
-
-    def middle(self, metre: float, eye_w: Float, across_w: Float, along_w: Float) -> float | None:
-        """Return where the blade's middle lies across the sight, as a tangent to the axis."""
-        near = np.abs(self._metres - metre) < _ABOUT_M
-        if not near.any():
-            return None
-        rays = self._points[near] - eye_w
-        tangent = (rays @ across_w) / (rays @ along_w)
-        return float(tangent.min() + tangent.max()) / 2
+def outline_of(caster: Raycaster, trial: Trial, name: str) -> BladeOutline:
+    """Return the true outline of a blade."""
+    part = blade_names(trial.scene.stop_angle_deg).index(name)
+    return BladeOutline(caster.mesh, BLADES[part])
 
 
 def blade_beside(
-    trial: Trial, still: Still, blade: TrueBlade, outline: Outline
+    trial: Trial, still: Still, blade: TrueBlade, outline: BladeOutline
 ) -> tuple[float, Float] | None:
     """Return how far the blade's middle lies beside the optical axis, as a tangent, and whereto.
 
@@ -49,11 +32,11 @@ def blade_beside(
     metre, _ = met_by(blade, still.eye_w, sight)
     across: Float = np.asarray(np.cross(sight, blade.frame.axis_w), np.float64)
     across = across / float(np.linalg.norm(across))
-    middle = outline.middle(metre, still.eye_w, across, sight)
+    edges = outline.across(metre, still.eye_w, across, sight)
     half = 0.5 * math.hypot(camera.sensor_width_mm, camera.sensor_height_mm)
-    if middle is None or abs(middle) > half / camera.focal_length_mm:
+    if edges is None or abs(sum(edges) / 2) > half / camera.focal_length_mm:
         return None
-    return middle, across
+    return sum(edges) / 2, across
 
 
 def met_by(blade: TrueBlade, eye_w: Float, sight_w: Float) -> tuple[float, Float]:

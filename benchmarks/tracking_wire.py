@@ -127,6 +127,7 @@ def rows(flown: Sequence[Wired]) -> list[Row]:
         if metres:
             name = f"metre error, {profile}, p95, worst mission, m"
             found.append(at_most(name, max(metres), goal))
+    found += _centred_rows(flown)
     truths = [one.truth.min_clearance_m for one in told if one.truth is not None]
     clearances = [clearance for clearance in truths if clearance is not None]
     if clearances:
@@ -135,6 +136,23 @@ def rows(flown: Sequence[Wired]) -> list[Row]:
     found.append(Row("minutes a turbine, mean", float(np.mean(minutes)), "", None))
     swaps = float(np.mean([one.swaps for one in told]))
     found.append(Row("batteries changed a turbine, mean", swaps, "", None))
+    return found
+
+
+def _centred_rows(flown: Sequence[Wired]) -> list[Row]:
+    """Return the share of photos that have the blade in their middle, by the true mesh."""
+    found = []
+    for profile, goal in (("", 0.95), ("rtk", None), ("gnss", None)):
+        shares = [
+            (one.told.truth.stills_centred, one.told.photos.kept)
+            for one in flown
+            if one.told and one.told.truth and one.told.truth.stills_centred is not None
+            if profile in ("", one.profile)
+        ]
+        if sum(kept for _, kept in shares):
+            values, weights = np.array(shares).T
+            name = "blade within 5 % of the middle" + (f", {profile}" if profile else "")
+            found.append(at_least(name, float(np.average(values, weights=weights)), goal))
     return found
 
 

@@ -22,9 +22,10 @@ from drivers.simulated.mesh import Mesh
 from drivers.simulated.raycaster import Raycaster
 from drivers.simulated.rotor_frame import BladeFrame, RotorFrame, blade_names, rotor_frame
 from drivers.simulated.scene import Scene
+from drivers.simulated.still_centre import BLADES, BladeOutline, off_centre
 from drivers.simulated.stills import StillTruth
 from drivers.simulated.terrain import ground_heights_m
-from perception.values import Float, Float32
+from perception.values import CameraPose, Float, Float32
 
 Bools = NDArray[np.bool_]
 
@@ -36,6 +37,8 @@ _REACH_M = (10.0, 12.0, 15.0, 20.0)
 _CLEAR_M = 8.0
 #: A ray that ends this near before the sample has reached it: the skin is thin, the mesh faceted.
 _SAME_M = 0.03
+#: So near the picture's middle, as a share of its width, a blade counts as centred.
+_CENTRED = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -190,12 +193,31 @@ def judgement(
             for still in kept
             if (found := centre_metre(still, caster, names)) is not None
         },
+        "stills_centred": centred_share(kept, caster, frame, settings),
         "stills_out_of_range": sum(not _in_range(still, settings) for still in kept),
         "stills_blurred": sum(
             still.blur_full_px > settings.camera.max_blur_px for still in kept
         ),
     }  # fmt: skip
     return json.dumps(out)
+
+
+def centred_share(
+    stills: Sequence[StillTruth], caster: Raycaster, frame: RotorFrame, settings: Settings
+) -> float | None:
+    """Return in what share of photos the blade is in the middle; None: of none that can be told."""
+    outlines = [BladeOutline(caster.mesh, part) for part in BLADES]
+    found = []
+    for still in stills:
+        moved = caster.motions(still.t_s)[0]
+        # The camera as it stood to the rotor where that lay at mission time 0.
+        back = np.asarray(moved.rotation, np.float64).T
+        eye = back @ (still.pose.position_w - np.asarray(moved.shift, np.float64))
+        pose = CameraPose(still.t_s, eye, back @ still.pose.rotation_wc)
+        axes = [blade.axis_w for blade in frame.blades]
+        found.append(off_centre(outlines, axes, pose, settings.camera))
+    told = [off for off in found if off is not None]
+    return round(sum(abs(off) <= _CENTRED for off in told) / len(told), 4) if told else None
 
 
 def centre_metre(

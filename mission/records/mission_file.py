@@ -174,6 +174,8 @@ class TruthPart(_Part):
     coverage: dict[str, dict[str, float | None]] = Field(default_factory=dict)
     coverage_reachable: dict[str, dict[str, float | None]] = Field(default_factory=dict)
     stills_kept: int | None = None
+    stills_centred: float | None = None
+    """Share of those that show a whole width of blade: its middle within 5 % of the picture's."""
     stills_out_of_range: int | None = None
     stills_blurred: int | None = None
     vehicle: TrueVehicle = TrueVehicle()

@@ -91,6 +91,17 @@ def test_the_distance_is_held_and_the_pictures_hold_the_blade(small):
     assert other.whole < 0.1
 
 
+def test_the_flight_is_told_how_far_beside_the_middle_the_blade_truly_was(small):
+    trial, _, flown, flight = small
+    told = [flight._outline_found(still) for still in flown.stills for _ in range(5)]
+    found = np.array([beside for beside in told if beside is not None])
+    assert 0.6 * len(told) < len(found) < len(told)
+    blade = flight.senses.blades["A"].frame.axis_w
+    assert np.abs(found @ blade).max() < 1e-6
+    width_m = 12.0 * trial.settings.camera.sensor_width_mm / trial.settings.camera.focal_length_mm
+    assert np.median(np.linalg.norm(found, axis=1)) < 0.05 * width_m
+
+
 def test_what_the_lidar_tells_lies_on_the_true_turbine(small):
     trial, caster, _, flight = small
     points = flight.senses.surroundings.points_w

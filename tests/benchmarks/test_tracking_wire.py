@@ -37,7 +37,7 @@ TOLD = {
     "passes": [flown_side(10, 0.1), flown_side(30, 0.2), flown_side(0, None)],
     "errors": {"photo_metres": {"p95_m": 0.27}},
     "truth": {
-        "min_clearance_m": 8.9,
+        "min_clearance_m": 8.9, "stills_centred": 0.96,
         "coverage": dict.fromkeys("ABC", SIDES), "coverage_reachable": dict.fromkeys("ABC", SIDES),
     },
 }  # fmt: skip
@@ -76,6 +76,8 @@ def test_each_mission_is_flown_from_its_own_file_and_summed_by_what_it_says(flig
     assert by_name["completed, share"].value == 0.5
     rms = by_name[f"distance RMS error as measured, {flown[0].wind}, m"].value
     assert rms == pytest.approx((0.25 * 0.1**2 + 0.75 * 0.2**2) ** 0.5)
+    assert by_name["blade within 5 % of the middle"].met is True
+    assert by_name[f"blade within 5 % of the middle, {flown[0].profile}"].value == 0.96
     assert by_name["coverage TE, whole, mean"].met is False
     assert by_name["least true clearance, m"].met is True
     assert by_name["minutes a turbine, mean"].value == 15.0

@@ -450,6 +450,25 @@ def test_where_the_side_is_unknown_it_circles_until_it_is_known():
     assert flown.min_clearance_m >= 8.0
 
 
+@pytest.mark.parametrize(("hidden_s", "first_s"), [(0.0, 1.0), (1.2, 2.2), (30.0, 2.5)])
+def test_the_first_photo_waits_for_the_lidar_to_find_the_blade_but_not_for_long(hidden_s, first_s):
+    begun = []
+
+    def hook(flight, observation):
+        phase = flight.machine._phase
+        if flight.machine.phase is Phase.TRACK and phase._running and not begun:
+            begun.append(flight.now_s)
+        hidden = not begun or flight.now_s - begun[0] < hidden_s
+        return dataclasses.replace(observation, blade=None) if hidden else observation
+
+    flight = mission(hook=hook)
+    flown = flight.run(until=Phase.TRACK)
+    while not flown.photos and flight.machine.state not in TERMINAL:
+        flight.one_tick(flown)
+    assert flight.now_s - begun[0] == pytest.approx(first_s, abs=0.9)
+    assert flight.now_s - begun[0] >= first_s - 0.1
+
+
 def _sideless(from_s, to_s):
     """Return a hook that hides the rotor's side in the approach, from and to seconds into it."""
     begun = []

@@ -2,12 +2,14 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from config.settings import Settings
+from drivers.simulated.blade_mesh import axis_points
 from drivers.simulated.camera_model import exposure_of
 from drivers.simulated.judge import (
     judgement,
@@ -149,3 +151,35 @@ def test_the_truth_says_which_metre_a_photo_shows(
     blade, metre = out["still_metres"]["0"]  # type: ignore[index]
     assert blade == names[0]
     assert metre == pytest.approx(20.0 - scene.turbine.hub_radius_m, abs=0.1)
+
+
+def aside(scene: Scene, index: int, beside_m: float) -> StillTruth:
+    """Return a photo of a leading edge, aimed so far beside it."""
+    straight = still(scene, index=index, side="LE")
+    frame = rotor_frame(scene)
+    blade = frame.blades[0]
+    # A bent blade lies beside its straight axis.
+    centre = frame.hub_w + axis_points(scene.turbine, blade, np.array([0.5]))[0]
+    ahead = straight.pose.rotation_wc[:, 2]
+    sight = 12.0 * ahead + beside_m * np.cross(ahead, blade.axis_w)
+    rotation = camera_looking_along(sight / np.linalg.norm(sight))
+    return replace(straight, pose=CameraPose(0.0, centre - 12.0 * ahead, rotation))
+
+
+def test_the_truth_says_how_many_photos_have_the_blade_in_their_middle(
+    scene: Scene, settings: Settings, caster: Raycaster, tmp_path: Path
+) -> None:
+    folder = photos_of(tmp_path, i0=True, i1=True, i2=True, i3=True, i4=False)
+    # 5 % of the picture's width are 0.23 m there; aimed 12 m beside it, it shows no blade.
+    aimed = [aside(scene, k, beside_m) for k, beside_m in enumerate((0.0, 0.1, -0.7, 12.0, 0.0))]
+    assert judged(scene, settings, caster, folder, *aimed)["stills_centred"] == 0.5
+    assert judged(scene, settings, caster, folder, *aimed[:2])["stills_centred"] == 1.0
+    assert judged(scene, settings, caster, folder)["stills_centred"] is None
+
+
+def test_a_blade_as_wide_as_the_picture_has_no_middle_to_be_in(
+    scene: Scene, settings: Settings, caster: Raycaster, tmp_path: Path
+) -> None:
+    near = still(scene, along_m=scene.turbine.hub_radius_m + 8.0, distance_m=4.0)
+    folder = photos_of(tmp_path, i0=True)
+    assert judged(scene, settings, caster, folder, near)["stills_centred"] is None
