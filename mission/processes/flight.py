@@ -8,18 +8,13 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import statistics
 from concurrent.futures import ThreadPoolExecutor
-from datetime import UTC, datetime
-from pathlib import Path
 
-from config.presets import load_turbine
-from config.turbine import Site, Turbine
 from drivers.autopilot import AutopilotLink
 from drivers.autopilot_announcer import Announcer
 from drivers.autopilot_errors import AutopilotError
 from drivers.autopilot_tap import TAP_FILE
-from drivers.bus import Bus, Key, Sample
+from drivers.bus import Bus
 from drivers.clock import sleep_until
 from drivers.payload import Payload, PhotoTaken
 from mission.flight.command import (
@@ -32,7 +27,6 @@ from mission.flight.command import (
     Progress,
     Setpoint,
 )
-from mission.flight.earlier import Earlier
 from mission.flight.events import EventRecord
 from mission.flight.guard import Guard, GuardedCommand
 from mission.flight.machine import Machine
@@ -40,12 +34,11 @@ from mission.flight.observation import (
     ExposureState,
     FlightMode,
     Observation,
-    PreflightItem,
-    Request,
-    RequestKind,
 )
 from mission.processes.dead_man import DeadMan
 from mission.processes.flight_announcements import Announcements
+from mission.processes.flight_asked import Asked
+from mission.processes.flight_checks import FlightChecks
 from mission.processes.flight_inputs import (
     FlightInputs,
     camera_part,
@@ -54,11 +47,7 @@ from mission.processes.flight_inputs import (
 )
 from mission.processes.flight_outputs import FlightOutputs
 from mission.processes.flight_pace import Pace
-from mission.processes.preflight import preflight_items, read_parameters
-from mission.processes.preflight_telemetry import telemetry_item
 from mission.processes.runtime import Runtime, run_process
-from mission.remote.asked_site import asked_site
-from mission.remote.messages import EarlierMessage, Intent
 
 log = logging.getLogger(__name__)
 
@@ -87,15 +76,8 @@ class Flight:
         self._outputs = FlightOutputs(bus, runtime, self._pace)
         self._announcements: Announcements | None = None
         self._guard = Guard(runtime.settings)
-        self._requests: list[Request] = []
-        self._asked = asyncio.Event()
-        """Something was asked for since the last look."""
-        self._intent: Intent | None = None
+        self._checks = FlightChecks(runtime.settings, self._inputs)
         self._machine: Machine | None = None
-        self._site: Site | None = None
-        self._turbine: Turbine | None = None
-        self._parameters: dict[str, float] | None = None
-        self._preflight: asyncio.Task[None] | None = None
         self._link: AutopilotLink | None = None
         self._payload: Payload | None = None
         self._action: asyncio.Task[None] | None = None
@@ -104,17 +86,13 @@ class Flight:
         self._guard_words = ""
         self._dead_man = DeadMan()
         self._tick = 0
-        self._gaps_ms: list[float] = []
-        self._started_utc = ""
         self._link_words = "looking for the vehicle"
         self._photo_commands: dict[int, PhotoCommand] = {}
         self._last_observation: Observation | None = None
         self._progress = IDLE_PROGRESS
         self._reported = True
-        self._earlier: EarlierMessage | None = None
         self._journal_s = 0.0
-        bus.subscribe(Key.INTENT, self._take_intent)
-        bus.subscribe(Key.EARLIER, self._take_earlier)
+        self._asked = Asked(bus, runtime.settings, self._begin)
 
     async def run(self) -> None:
         """Find the vehicle and fly what is asked for, until cancelled."""
@@ -152,16 +130,16 @@ class Flight:
             if self._link is None:
                 progress = Progress(Phase.IDLE, MissionState.IDLE, self._link_words)
                 self._outputs.state(
-                    progress, None, self._inputs, self._intent, link_ok=False, resting=True
+                    progress, None, self._inputs, self._asked.intent, link_ok=False, resting=True
                 )
             await asyncio.sleep(0.2)
 
     def _refuse_unconnected(self) -> None:
         """A mission that was asked for while there is no vehicle ends here."""
-        if self._intent is None or self._reported:
+        if self._asked.intent is None or self._reported:
             return
         progress = Progress(Phase.IDLE, MissionState.FAILED, self._link_words)
-        self._outputs.state(progress, None, self._inputs, self._intent, link_ok=False)
+        self._outputs.state(progress, None, self._inputs, self._asked.intent, link_ok=False)
 
     # --- the tick ---------------------------------------------------------------------------
 
@@ -186,9 +164,9 @@ class Flight:
 
     async def _rest_until(self, mission_s: float) -> None:
         """Wait until a mission time, or until something is asked for."""
-        self._asked.clear()
+        self._asked.news.clear()
         waiting = asyncio.create_task(sleep_until(self._clock, mission_s))
-        asked = asyncio.create_task(self._asked.wait())
+        asked = asyncio.create_task(self._asked.news.wait())
         try:
             await asyncio.wait((waiting, asked), return_when=asyncio.FIRST_COMPLETED)
         finally:
@@ -225,7 +203,7 @@ class Flight:
             self._outputs.vehicle(observation)
             if self._tick % 4 == 0 or resting:
                 self._outputs.state(
-                    self._progress, observation, self._inputs, self._intent, resting=resting
+                    self._progress, observation, self._inputs, self._asked.intent, resting=resting
                 )
             return
         command, events = machine.step(observation)
@@ -241,7 +219,6 @@ class Flight:
         self, link: AutopilotLink, payload: Payload, now_s: float, late_s: float
     ) -> Observation:
         inputs = self._inputs
-        requests, self._requests = tuple(self._requests), []
         refused, self._refused = self._refused, None
         sensing = inputs.sensing
         alive = sensing is None or now_s - sensing.mission_s < 2.5
@@ -258,24 +235,15 @@ class Flight:
             blade=inputs.blade,
             exposure=inputs.exposure,
             photos=inputs.photos(),
-            requests=requests,
-            preflight=self._preflight_items(link),
+            requests=self._asked.requests(),
+            preflight=self._checks.items(link, self._machine, self._asked.mission),
             offboard_refused=refused,
             sensing_alive=alive,
             late_s=max(0.0, late_s),
             silent=self._dead_man.look(now_s, engaged=engaged),
             guard_refused=self._guard_words,
-            earlier=self._newly_told(),
+            earlier=None if self._machine is None else self._asked.earlier(),
         )
-
-    def _newly_told(self) -> Earlier | None:
-        """Return what earlier flights left behind, once."""
-        told, intent = self._earlier, self._intent
-        if told is None or intent is None or self._machine is None:
-            return None
-        self._earlier = None
-        mine = (told.mission_dir, told.flight) == (intent.mission_dir, intent.flight)
-        return told.earlier if mine else None
 
     def _send(
         self,
@@ -293,8 +261,7 @@ class Flight:
             link.send_setpoint(setpoint.position_w, setpoint.velocity_w, setpoint.yaw_rad)
             gap_s = self._dead_man.sent(observation.now_s)
             if gap_s is not None:
-                self._gaps_ms.append(gap_s * 1e3)
-                self._pace.gap_ms.note(observation.now_s, gap_s * 1e3)
+                self._pace.gap(observation.now_s, gap_s * 1e3)
             self._previous, sent = setpoint, True
         elif command.setpoint is None:
             self._previous = None
@@ -348,7 +315,7 @@ class Flight:
             self._announcements.events(events)
         ended = command.progress.state in TERMINAL
         if self._tick % 4 == 0 or ended:
-            self._outputs.state(command.progress, observation, self._inputs, self._intent)
+            self._outputs.state(command.progress, observation, self._inputs, self._asked.intent)
         elif observation.now_s - self._journal_s >= JOURNAL_S:
             self._journal_s = observation.now_s
             self._keep_journal(machine)
@@ -356,32 +323,20 @@ class Flight:
             self._end(machine)
 
     def _keep_journal(self, machine: Machine) -> None:
-        intent, turbine = self._intent, self._turbine
-        if intent is not None and turbine is not None and machine.phase not in UNFLOWN:
+        mission = self._asked.mission
+        if mission is not None and machine.phase not in UNFLOWN:
             newest = self._last_observation
             vehicle = None if newest is None else newest.vehicle
-            self._outputs.journal(machine, intent, turbine, self._started_utc, vehicle)
+            self._outputs.journal(machine, mission, vehicle)
 
     def _end(self, machine: Machine) -> None:
         """Hand the report to the recorder, once; the machine is done."""
-        intent, site, turbine = self._intent, self._site, self._turbine
+        mission = self._asked.mission
         self._machine = None
-        if intent is None or site is None or turbine is None or self._reported:
+        if mission is None or self._reported:
             return
         self._reported = True
-        self._outputs.report(
-            machine, intent, turbine, self._started_utc, self._inputs, self._spread()
-        )
-
-    def _spread(self) -> dict[str, float]:
-        gaps = sorted(self._gaps_ms)
-        if len(gaps) < 2:
-            return {}
-        return {
-            "p50": statistics.median(gaps),
-            "p99": gaps[min(len(gaps) - 1, round(0.99 * len(gaps)))],
-            "max": gaps[-1],
-        }
+        self._outputs.report(machine, mission, self._inputs, self._pace.spread())
 
     def _on_photo(self, photo: PhotoTaken) -> None:
         command = self._photo_commands.pop(photo.photo_id, None)
@@ -399,86 +354,15 @@ class Flight:
         self._photo_commands.pop(photo_id, None)
         log.warning("photo %d failed: %s", photo_id, reason)
 
-    # --- what is asked ------------------------------------------------------------------------
-
-    def _take_intent(self, sample: Sample) -> None:
-        intent = Intent.model_validate_json(sample.payload)
-        if intent.kind is RequestKind.START:
-            self._start(intent)
-        self._asked.set()
-        self._requests.append(
-            Request(
-                kind=intent.kind,
-                request_id=intent.id,
-                site=intent.site,
-                operator=intent.operator,
-                rotor_locked=intent.rotor_locked,
-                blades=intent.blades,
-                sides=intent.sides,
-                flight=intent.flight,
-                airborne=intent.airborne,
-                rendezvous_w=intent.rendezvous_w,
-            )
-        )
-
-    def _take_earlier(self, sample: Sample) -> None:
-        self._earlier = EarlierMessage.model_validate_json(sample.payload)
-
-    def _start(self, intent: Intent) -> None:
-        sites = {site.name: site for site in self._settings.sites}
-        site = asked_site(sites[intent.site], intent)
-        turbine = load_turbine(site.turbine, site.scale)
-        chosen = self._settings.inspection.model_copy(
-            update={"blades": intent.blades, "sides": intent.sides}
-        )
-        settings = self._settings.model_copy(update={"inspection": chosen})
+    def _begin(self, machine: Machine) -> None:
+        """A mission was asked for."""
         self._inputs.forget()
-        self._requests.clear()
-        self._intent, self._site, self._turbine = intent, site, turbine
-        self._machine = Machine(settings, site, turbine)
+        self._machine = machine
         self._outputs.begin()
-        self._parameters, self._preflight = None, None
-        self._gaps_ms.clear()
+        self._checks.begin()
+        self._pace.begin()
         self._photo_commands.clear()
-        self._started_utc = datetime.now(UTC).isoformat(timespec="seconds")
         self._reported = False
-
-    def _preflight_items(self, link: AutopilotLink) -> tuple[PreflightItem, ...]:
-        """Return the checks, once the parameters were read; only before take-off."""
-        turbine, intent = self._turbine, self._intent
-        if self._machine is None or turbine is None or intent is None:
-            return ()
-        if self._preflight is None:
-            self._preflight = asyncio.create_task(self._read_parameters(link, turbine))
-        reading = link.vehicle()
-        armed = reading is not None and reading.armed
-        if armed and not (intent.airborne and self._machine.phase is Phase.PREFLIGHT):
-            return ()
-        if self._parameters is None:
-            return (PreflightItem("parameters", False, "being read from the autopilot"),)
-        items = preflight_items(
-            self._settings,
-            turbine,
-            reading,
-            self._parameters,
-            self._inputs.sensing,
-            self._inputs.ready,
-            Path(intent.mission_dir),
-        )
-        items += (telemetry_item(reading, awake=link.awake),)
-        # A vehicle in the air is not going to be armed.
-        return tuple(item for item in items if not armed or item.name != "vehicle")
-
-    async def _read_parameters(self, link: AutopilotLink, turbine: Turbine) -> None:
-        reading = link.vehicle()
-        flying = reading is not None and reading.armed
-        mend = self._settings.autopilot.set_parameters and not flying
-        try:
-            parameters = await read_parameters(link, turbine, mend=mend)
-        except AutopilotError as error:
-            log.warning("parameters: %s", error)
-            parameters = {}
-        self._parameters = parameters
 
 
 async def fly(runtime: Runtime) -> None:

@@ -7,7 +7,6 @@ from datetime import UTC, datetime, timedelta
 
 from pydantic import TypeAdapter
 
-from config.turbine import Turbine
 from drivers.bus import Bus, Key
 from drivers.payload_camera import PhotoTaken
 from mission.flight.command import PhotoCommand, Progress, SensingTask
@@ -16,6 +15,7 @@ from mission.flight.guard import GuardedCommand
 from mission.flight.machine import Machine
 from mission.flight.observation import CameraState, GimbalState, Observation, Vec3, Vehicle
 from mission.flight.plan import Plan
+from mission.processes.flight_asked import AskedMission
 from mission.processes.flight_inputs import FlightInputs
 from mission.processes.flight_pace import Pace
 from mission.processes.runtime import Runtime
@@ -175,14 +175,7 @@ class FlightOutputs:
         self._bus.publish(Key.PHOTO, message.model_dump_json().encode())
         return message
 
-    def journal(
-        self,
-        machine: Machine,
-        intent: Intent,
-        turbine: Turbine,
-        started_utc: str,
-        vehicle: Vehicle | None,
-    ) -> None:
+    def journal(self, machine: Machine, mission: AskedMission, vehicle: Vehicle | None) -> None:
         """Publish how the flight stands: what the journal keeps should this process be lost.
 
         A plan that was made since is told with it.
@@ -194,11 +187,11 @@ class FlightOutputs:
                 self._bus.publish(Key.PLAN, plan.model_dump_json().encode())
         message = FlightReport.model_construct(
             report=machine.report(brief=True),
-            site=intent.site,
-            turbine=turbine.name,
-            operator=intent.operator,
-            rotor_locked=intent.rotor_locked,
-            started_utc=started_utc,
+            site=mission.intent.site,
+            turbine=mission.turbine.name,
+            operator=mission.intent.operator,
+            rotor_locked=mission.intent.rotor_locked,
+            started_utc=mission.started_utc,
             tower_foot_w=machine.tower_foot_w(),
             place=_place(vehicle),
         )
@@ -207,9 +200,7 @@ class FlightOutputs:
     def report(
         self,
         machine: Machine,
-        intent: Intent,
-        turbine: Turbine,
-        started_utc: str,
+        mission: AskedMission,
         inputs: FlightInputs,
         tick_gap_ms: dict[str, float],
     ) -> None:
@@ -217,11 +208,11 @@ class FlightOutputs:
         foot = machine.tower_foot_w()
         message = FlightReport.model_construct(
             report=machine.report(),
-            site=intent.site,
-            turbine=turbine.name,
-            operator=intent.operator,
-            rotor_locked=intent.rotor_locked,
-            started_utc=started_utc,
+            site=mission.intent.site,
+            turbine=mission.turbine.name,
+            operator=mission.intent.operator,
+            rotor_locked=mission.intent.rotor_locked,
+            started_utc=mission.started_utc,
             tower_foot_w=foot,
             frames=inputs.frames,
             frames_out_of_range=inputs.frames_out_of_range,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 from collections import deque
 
 WINDOW_S = 1.0
@@ -34,3 +35,24 @@ class Pace:
     def __init__(self) -> None:
         self.lag_ms = Worst()
         self.gap_ms = Worst()
+        self._gaps_ms: list[float] = []
+
+    def begin(self) -> None:
+        """A new mission begins."""
+        self._gaps_ms.clear()
+
+    def gap(self, now_s: float, gap_ms: float) -> None:
+        """Note the time between two setpoints."""
+        self._gaps_ms.append(gap_ms)
+        self.gap_ms.note(now_s, gap_ms)
+
+    def spread(self) -> dict[str, float]:
+        """Return median, 99th percentile and most of the mission's gaps; empty before two."""
+        gaps = sorted(self._gaps_ms)
+        if len(gaps) < 2:
+            return {}
+        return {
+            "p50": statistics.median(gaps),
+            "p99": gaps[min(len(gaps) - 1, round(0.99 * len(gaps)))],
+            "max": gaps[-1],
+        }

@@ -58,18 +58,18 @@ def earlier(number, folder="/missions/a"):
 
 def test_what_earlier_flights_left_behind_is_observed_once(flight):
     flight._bus.deliver(Key.INTENT, intent(2))
-    request = flight._requests[0]
+    (request,) = flight._asked.requests()
     assert (request.flight, request.airborne, request.rendezvous_w) == (2, True, (1.0, 2.0, 30.0))
     flight._bus.deliver(Key.EARLIER, earlier(2))
-    assert flight._newly_told().next_photo_id == 17
-    assert flight._newly_told() is None
+    assert flight._asked.earlier().next_photo_id == 17
+    assert flight._asked.earlier() is None
 
 
 @pytest.mark.parametrize("wrong", [earlier(3), earlier(2, "/missions/b")])
 def test_what_is_told_for_another_flight_is_not_believed(flight, wrong):
     flight._bus.deliver(Key.INTENT, intent(2))
     flight._bus.deliver(Key.EARLIER, wrong)
-    assert flight._newly_told() is None
+    assert flight._asked.earlier() is None
 
 
 def test_the_journal_of_a_flight_is_cheap_and_can_be_read_again(flight):
