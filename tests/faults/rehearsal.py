@@ -9,7 +9,8 @@ from functools import cache
 
 import numpy as np
 
-from benchmarks.virtual_flight import TERMINAL, Truth, VirtualFlight
+from benchmarks.virtual_flight import TERMINAL, VirtualFlight
+from benchmarks.virtual_turbine import Truth
 from config.inspection import Inspection
 from config.presets import load_turbine
 from config.settings import Settings

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from benchmarks.angle_scenes import make_scene
-from benchmarks.virtual_flight import Truth
+from benchmarks.virtual_turbine import Truth
 from mission.flight.command import Phase
 from mission.flight.observation import RotorEstimate
 from perception.clearance import OccupancyMemory, RepeatedScans

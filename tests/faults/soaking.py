@@ -8,7 +8,8 @@ import time
 
 import psutil
 
-from benchmarks.virtual_flight import TERMINAL, Truth
+from benchmarks.virtual_flight import TERMINAL
+from benchmarks.virtual_turbine import Truth
 from tests.faults.fault import Seen
 from tests.faults.rehearsal import mission
 

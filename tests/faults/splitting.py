@@ -12,7 +12,8 @@ import dataclasses
 import sys
 
 from benchmarks import virtual_flight
-from benchmarks.virtual_flight import Truth, VirtualFlight
+from benchmarks.virtual_flight import VirtualFlight
+from benchmarks.virtual_turbine import Truth
 from config.presets import load_turbine
 from config.settings import Settings
 from config.turbine import Site

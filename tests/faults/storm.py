@@ -6,7 +6,8 @@ import dataclasses
 
 import numpy as np
 
-from benchmarks.virtual_flight import TERMINAL, Truth
+from benchmarks.virtual_flight import TERMINAL
+from benchmarks.virtual_turbine import Truth
 from mission.flight.command import Phase
 from mission.flight.observation import RequestKind
 from tests.faults.fault import Fault, Seen

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmarks.virtual_flight import Truth, true_model
+from benchmarks.virtual_turbine import Truth, true_model
 from config.presets import load_turbine
 from config.settings import Settings
 from mission.flight.phases.leave import StandOff, way_out

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.virtual_flight import Truth, true_model
+from benchmarks.virtual_turbine import Truth, true_model
 from config.presets import load_turbine
 from mission.flight.rotor_model import BASE_INFLATION_M
 

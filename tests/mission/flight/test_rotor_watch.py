@@ -4,7 +4,7 @@ import types
 import numpy as np
 import pytest
 
-from benchmarks.virtual_flight import Truth, true_model
+from benchmarks.virtual_turbine import Truth, true_model
 from config.presets import load_turbine
 from mission.flight.command import SensingMode, SensingTask
 from mission.flight.observation import (

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.virtual_flight import Truth, true_model
+from benchmarks.virtual_turbine import Truth, true_model
 from config.presets import load_turbine
 from mission.flight.section import Section
 from mission.flight.sides import side_view, turned

@@ -6,7 +6,7 @@ from dataclasses import astuple
 import numpy as np
 import pytest
 
-from benchmarks.virtual_flight import Truth, true_model
+from benchmarks.virtual_turbine import Truth, true_model
 from config.presets import load_turbine
 from config.settings import Settings
 from mission.flight.footprint import gsd_m

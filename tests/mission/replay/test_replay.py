@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from benchmarks.virtual_flight import TERMINAL, Truth, VirtualFlight
+from benchmarks.virtual_flight import TERMINAL, VirtualFlight
+from benchmarks.virtual_turbine import Truth
 from config.inspection import Inspection
 from config.presets import load_turbine
 from config.settings import Settings
