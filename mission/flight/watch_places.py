@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mission.flight.around import arc, at_bearing
+from mission.flight.around import arc, at_bearing, bearing_rad
 from perception.geometry import wrap_angle
 from perception.values import Float
 
@@ -83,6 +83,13 @@ def place_w(hub_w: Float, radius_m: float, front_rad: float, place: WatchPlace) 
     """Return where (3,) a place is."""
     at = _meridian(hub_w, radius_m, front_rad + place.turn_rad, place.raised_rad, place.raised_rad)
     return np.asarray(at[0], np.float64)
+
+
+def place_of(hub_w: Float, front_rad: float, here_w: Float) -> WatchPlace:
+    """Return the place on the sphere that a vehicle (3,) is beside, within or without."""
+    level_m = math.hypot(here_w[0] - hub_w[0], here_w[1] - hub_w[1])
+    turn = wrap_angle(bearing_rad(hub_w, here_w) - front_rad)
+    return WatchPlace(turn, math.atan2(float(here_w[2] - hub_w[2]), level_m))
 
 
 def _meridian(

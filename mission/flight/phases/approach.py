@@ -6,17 +6,25 @@ beside, where a tip is near.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 
-from mission.flight.around import arc, bearing_rad, before_hub
+from mission.flight.around import bearing_rad, before_hub
 from mission.flight.command import MissionState, Phase, SensingMode
 from mission.flight.flight import Flight, Intent, PhaseStep
 from mission.flight.phases.estimate import Estimate
 from mission.flight.phases.leave import leave
-from mission.flight.watch_places import FRONT, WatchPlace, place_w, watch_places, way_between
+from mission.flight.watch_places import (
+    FRONT,
+    WatchPlace,
+    place_of,
+    place_w,
+    watch_places,
+    way_between,
+)
 from perception.values import Float
 
 ARC_SPEED_MPS = 5.0
@@ -30,6 +38,8 @@ NEAREST_M = 15.0
 ROOM_M = 15.0
 #: A goal that moves by more than this is flown to anew.
 MOVED_M = 2.5
+#: So near the closed sphere the way round it is planned anew, from there, this often at most.
+SPARE_M, PLANNED_AGAIN_S = 0.7, 3.0
 
 
 class SideSearch(PhaseStep, Protocol):
@@ -53,8 +63,7 @@ class Approach:
         self._waiting_s: float | None = None
         self._places: list[WatchPlace] = []
         """Still to be watched from; the first is flown to, or at."""
-        self._at: WatchPlace | None = None
-        """The one before: None at the beginning, anywhere round the sphere."""
+        self._planned_s = -math.inf
         self._still_s: float | None = None
         self._goal: Float | None = None
         self._lost_s: float | None = None
@@ -109,11 +118,14 @@ class Approach:
             self._places = list(_places(flight, hub, front))
         place = self._places[0]
         if not self._moving:
-            way = self._way(flight, hub, front, place)
-            self._moving, self._goal = True, way[-1]
+            here = place_of(hub, front, flight.here_w)
+            way = way_between(hub, radius, front, here, place)
+            self._moving, self._goal, self._planned_s = True, way[-1], flight.now_s
             flight.go(way, ARC_SPEED_MPS)
         wanted = place_w(hub, radius, front, place)
         if self._goal is not None and np.hypot(*(wanted - self._goal)[:2]) > PLACE_WITHIN_M:
+            self._moving = False
+        if self._too_near(flight, hub):
             self._moving = False
         setpoint, gimbal = flight.follow(yaw), flight.aim_at(hub)
         if not flight.arrived(1.5):
@@ -126,15 +138,13 @@ class Approach:
             return self._still(flight, hub, normal, Intent("", setpoint=setpoint, gimbal=gimbal))
         return self._watch(flight, Intent("", setpoint=setpoint, gimbal=gimbal))
 
-    def _way(self, flight: Flight, hub: Float, front: float, place: WatchPlace) -> Float:
-        radius, here = flight.clear_radius_m, flight.here_w
-        if self._at is not None:
-            return way_between(hub, radius, front, self._at, place)
-        bearing = bearing_rad(hub, here)
-        level = float(hub[2])
-        way = arc(hub, radius, bearing, front + place.turn_rad, float(here[2]), level)
-        beside = WatchPlace(place.turn_rad)
-        return np.concatenate([way, way_between(hub, radius, front, beside, place)])
+    def _too_near(self, flight: Flight, hub: Float) -> bool:
+        """Return whether hub or position have drifted so that the way leads into the sphere."""
+        apart_m = float(np.linalg.norm(flight.here_w - hub))
+        return (
+            apart_m < flight.sphere_radius_m + SPARE_M
+            and flight.now_s - self._planned_s > PLANNED_AGAIN_S
+        )
 
     def _still(self, flight: Flight, hub: Float, normal: Float, here: Intent) -> Intent:
         """Go in from the front; from beside the rotor, there first."""
@@ -161,7 +171,7 @@ class Approach:
         return leave(flight, replace(here, words=words), MissionState.REFUSED, words)
 
     def _next(self, places: list[WatchPlace]) -> None:
-        self._at, self._places = self._places[0], places
+        self._places = places
         self._moving, self._waiting_s = False, None
 
 

@@ -16,6 +16,7 @@ from config.turbine import Site
 from mission.flight.command import Action, MissionState, Phase
 from mission.flight.events import Event
 from mission.flight.observation import RequestKind
+from mission.flight.watch_places import FRONT
 
 FLYING = [
     Phase.TAKEOFF,
@@ -409,6 +410,29 @@ def test_a_large_rotor_is_watched_from_beside_where_a_tip_is_near(stop_deg):
         apart = float(np.linalg.norm(flight.position - flight._model.hub_w))
         # The closed sphere lies round the prior hub, which errs anew in each look: 0.5 m an axis.
         assert inside or apart >= flight.turbine.rotor_radius_m + 12.0 - 2.0
+
+
+def test_on_its_way_round_a_hub_that_comes_nearer_does_not_lock_it_into_the_sphere():
+    nearer = []
+
+    def hook(flight, observation):
+        prior, phase = observation.hub_prior, flight.machine._phase
+        if prior is None or flight.machine.phase is not Phase.APPROACH:
+            return observation
+        if not nearer and phase._places[:1] == [FRONT] and not phase._inward:
+            level = np.append((flight.position - flight._model.hub_w)[:2], 0.0)
+            nearer.append((flight.now_s + 13.0, 5.0 * level / np.linalg.norm(level)))
+        moved = nearer[0][1] if nearer and flight.now_s > nearer[0][0] else np.zeros(3)
+        told = dataclasses.replace(prior, hub_w=tuple(np.array(prior.hub_w) + moved))
+        return dataclasses.replace(observation, hub_prior=told)
+
+    flight = mission("iea-3.4-130", truth=Truth(still_seen_within_m=55.0), hook=hook)
+    flown = flight.run(until=Phase.ESTIMATE)
+    assert nearer
+    assert flight.machine.phase is Phase.ESTIMATE
+    assert (
+        sum(reason == "the sphere round the rotor is closed" for _, reason in flown.refusals) < 40
+    )
 
 
 def test_a_rotor_whose_motion_is_seen_from_nowhere_is_refused():

@@ -4,7 +4,14 @@ import math
 import numpy as np
 import pytest
 
-from mission.flight.watch_places import FRONT, WatchPlace, place_w, watch_places, way_between
+from mission.flight.watch_places import (
+    FRONT,
+    WatchPlace,
+    place_of,
+    place_w,
+    watch_places,
+    way_between,
+)
 
 HUB = np.array([10.0, -20.0, 110.0])
 FRONT_RAD = 0.4
@@ -66,3 +73,11 @@ def test_the_way_between_two_places_stays_outside_the_sphere(start, end):
     assert np.linalg.norm(line - HUB, axis=1).min() > 89.8
     assert way[0] == pytest.approx(place_w(HUB, 90.0, FRONT_RAD, start))
     assert way[-1] == pytest.approx(place_w(HUB, 90.0, FRONT_RAD, end))
+
+
+@pytest.mark.parametrize("place", [FRONT, WatchPlace(1.1, -0.6), WatchPlace(-2.0, 0.3)])
+@pytest.mark.parametrize("apart_m", [85.0, 90.0, 120.0])
+def test_a_vehicle_is_beside_the_place_on_the_same_line_from_the_hub(place, apart_m):
+    here = place_w(HUB, apart_m, FRONT_RAD, place)
+    found = place_of(HUB, FRONT_RAD, here)
+    assert (found.turn_rad, found.raised_rad) == pytest.approx((place.turn_rad, place.raised_rad))
