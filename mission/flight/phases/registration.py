@@ -20,8 +20,9 @@ from perception.frame_drift import SIGHTED_S, FrameDrift, turned
 from perception.values import Float
 
 FRESH_S = 0.5
-#: A position without corrections drifts by metres between two measurements of the rotor.
-MOST_M = 6.0
+#: No blade is farther beside its model. A position without corrections drifts by metres after the
+#: rotor was measured: by that of one moment less that of another, so many sigmas of each.
+MOST_M, MOST_SIGMAS = 6.0, 6.0
 #: The position's drift is learnt this often; what is seen is wrong by so much, in depth and aside,
 #: for longer than that.
 LEARN_S = 1.0
@@ -152,10 +153,12 @@ class Registration:
             # What of the offset is the blade's own form is in the plan.
             offset = np.array(track.offset_w) - leg.centre(metre)
             size = float(np.linalg.norm(offset))
-            if math.isfinite(size) and not self._jumped(offset, step_s):
+            most_m = max(MOST_M, MOST_SIGMAS * flight.settings.positioning.wander_sigma_m)
+            bounded = offset * min(1.0, most_m / max(size, 1e-6))
+            if math.isfinite(size) and not self._jumped(bounded, step_s):
                 moved = self._moved(offset, metre, leg, flight)
                 self.moved_s = self.moved_s + step_s if moved else 0.0
-                live.correct(track.stamp_s, offset * min(1.0, MOST_M / max(size, 1e-6)), step_s)
+                live.correct(track.stamp_s, bounded, step_s)
                 self._learn(offset, metre, leg, flight)
         drift_w, lost_s = self._drift_at_blade(flight, leg), self.lost_s(flight)
         if leg.blind or lost_s > LOST_S:
@@ -220,8 +223,7 @@ class Registration:
 
         What is seen first of a blade is believed: there is nothing to have jumped from.
         """
-        bounded = offset * min(1.0, MOST_M / max(float(np.linalg.norm(offset)), 1e-6))
-        apart = float(np.linalg.norm(bounded - self._live.at(self._stamp_s)))
+        apart = float(np.linalg.norm(offset - self._live.at(self._stamp_s)))
         if not self._begun or apart < JUMP_M or self._jumped_s > JUMP_STAYS_S:
             # A position drifts; it does not leap and stay there.
             self._leapt = self._leapt or (self._begun and apart >= JUMP_M)

@@ -41,8 +41,9 @@ PHOTOLESS_S = 60.0
 BLIND_MPS = 1.0
 #: Along a blade that it has lost; after so long the vehicle stands until it is seen again.
 LOST_MPS, LOST_HOLD_S = 0.5, 10.0
-#: Before the first photo the blade is looked for so long, and its offset left to settle so long.
-FIND_S, SETTLE_S = 2.5, 1.0
+#: Before the first photo the blade is looked for so long, and its offset left to settle so long:
+#: less than after what it counts as lost, and is passed from farther away.
+FIND_S, SETTLE_S = 1.5, 1.0
 EDGES = frozenset({"LE", "TE"})
 
 

@@ -19,7 +19,7 @@ LEG = SimpleNamespace(
 )  # fmt: skip
 
 
-def seen(registration, offsets, *, blade="A", begin_s=0.0):
+def seen(registration, offsets, *, blade="A", begin_s=0.0, settings=None):
     """Feed offsets (N, 3), ten a second; return the last shift and the longest `moved_s`."""
     longest, shift = 0.0, np.zeros(3)
     for index, offset in enumerate(offsets):
@@ -27,7 +27,7 @@ def seen(registration, offsets, *, blade="A", begin_s=0.0):
         track = BladeTrack(now_s, blade, (0, 0, 0), (0, 0, 1), 12.0, 500.0, tuple(offset), 0.1)
         flight = SimpleNamespace(
             observation=SimpleNamespace(blade=track, clearance=None), now_s=now_s, dt_s=0.1,
-            here_w=np.zeros(3), settings=Settings(), rotor=None,
+            here_w=np.zeros(3), settings=settings or Settings(), rotor=None,
             vehicle=SimpleNamespace(velocity_w=(0.0, 0.0, 0.0)),
         )  # fmt: skip
         shift = registration.update(flight, LEG)
@@ -48,6 +48,16 @@ def test_the_plan_follows_a_steady_offset(registration):
     shift, longest = seen(registration, np.tile([0.5, 0.0, 0.0], (30, 1)), begin_s=3.0)
     assert shift == pytest.approx([0.5, 0.0, 0.0], abs=0.02)
     assert longest == 0.0
+
+
+@pytest.mark.parametrize(("method", "followed_m"), [("gnss", 7.5), ("rtk", 6.0)])
+def test_a_drift_is_followed_as_far_as_such_a_position_drifts(method, followed_m):
+    registration = Registration()
+    registration.begin("A")
+    drift = np.zeros((200, 3))
+    drift[:, 1] = np.minimum(0.05 * np.arange(200), 7.5)
+    shift, _ = seen(registration, drift, settings=Settings(positioning={"method": method}))
+    assert shift == pytest.approx([0.0, followed_m, 0.0], abs=0.1)
 
 
 def test_an_offset_that_jumps_for_a_moment_is_not_followed(registration):
