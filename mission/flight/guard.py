@@ -148,7 +148,9 @@ class Guard:
             return self._answer(command, retreat, "nearer than the clearance", True, near)
         slowed, too_fast = self._slow_closing(trimmed, here, np.array(vehicle.velocity_w), near)
         if too_fast:
-            return self._answer(command, hold, "closing too fast to stop in time", True, near)
+            # What pushes the vehicle on is not braked by a place that moves along with it.
+            retreat = near.retreat(hold)
+            return self._answer(command, retreat, "closing too fast to stop in time", True, near)
         if not near.path_is_clear(slowed, self._bounds.min_clearance_m):
             return self._answer(command, hold, "the way there is not clear", True, near)
         words = trim if slowed == trimmed else "slowed towards an obstacle"

@@ -149,9 +149,18 @@ def test_a_way_must_end_where_it_is_clear(clearance, passes):
         assert moved < 0.05
 
 
-def test_a_vehicle_that_closes_too_fast_is_stopped():
+def test_a_vehicle_that_closes_too_fast_is_pulled_back():
     flying = observe(velocity=(2.0, 0.0, 0.0))
     guarded = check(command((0.2, 0.0, 50.0)), flying, wall_at(9.5))
+    assert guarded.refused
+    assert guarded.command.setpoint.position_w[0] < -0.5
+    assert guarded.command.setpoint.velocity_w[0] < 0
+
+
+def test_a_vehicle_that_closes_too_fast_with_something_behind_it_is_stopped():
+    flying = observe(velocity=(2.0, 0.0, 0.0))
+    hemmed = around((9.5 + RADIUS, 0.0, 50.0), (-9.6 - RADIUS, 0.0, 50.0))
+    guarded = check(command((0.2, 0.0, 50.0)), flying, hemmed)
     assert guarded.refused
     assert is_hold(guarded)
 
