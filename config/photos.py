@@ -15,7 +15,8 @@ class Photos(ConfigModel):
     max_aim_error: Fraction = 0.3
     """Of the blade's foot from the picture's centre, as a share of the picture's width."""
     min_blade_share: Fraction = 0.05
-    """Share of the picture that the blade must fill."""
+    """Share of the picture that the blade must fill, where its outline is not found in the middle
+    of it: a tip seen edge-on fills less."""
     min_mean_grey: Annotated[float, Field(ge=0, le=255)] = 5.0
     """Darker blades are black: nothing can be recovered."""
     max_clipped: Fraction = 0.5

@@ -24,6 +24,8 @@ _OUT_OF_SIGHT = (-1e9, -1e9)
 #: A blade that fills so much of the picture is wider than it: photographed in rows, each is aimed
 #: beside its middle on purpose.
 FILLS_SHARE = 0.5
+#: A blade whose outline is found so near the picture's middle, as a share of the width, is in it.
+SURELY_AIMED = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +73,9 @@ def judge(
     beside = _beside_px(view)
     aim = _aim_error(view, beside, foot if foot_w is not None else None)
     blur = _blur_px(view, moment, shutter_s, settings)
-    fault = _fault(quality, aim, share, blur, settings)
+    found = view.matched and aim is not None and aim <= SURELY_AIMED
+    # A slender blade seen edge-on fills little of the picture that shows it in its middle.
+    fault = _fault(quality, aim, None if found else share, blur, settings)
     return Verdict(quality, aim, _beside(view, beside), share, blur, fault)
 
 

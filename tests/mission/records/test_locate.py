@@ -185,13 +185,32 @@ def test_a_row_of_a_blade_wider_than_the_picture_is_kept(tmp_path, turned_rad):
     assert photo.record.kept
 
 
-def test_the_picture_tells_how_far_beside_its_middle_the_blade_lies(tmp_path):
+@pytest.mark.parametrize(("turned_rad", "kept"), [(0.01, True), (0.06, False)])
+def test_a_blade_that_fills_little_of_the_picture_is_kept_where_its_outline_is_found(
+    tmp_path, turned_rad, kept
+):
+    photos = Settings().photos.model_copy(update={"min_blade_share": 0.6})
+    strict = Settings().model_copy(update={"photos": photos})
+    photo = store(blade_turned_by(turned_rad), taken(), SITE, strict, tmp_path, a_moment())
+    assert photo.record.kept is kept
+    assert photo.record.blade_share < 0.6
+    beside = store(a_picture(), taken(8), SITE, strict, tmp_path, a_moment())
+    assert "not in the picture" in beside.record.reason
+
+
+def blade_turned_by(turned_rad):
+    """Return a picture that a camera took which really looks so far west of where it is said to."""
     plain = np.full((486, 648), 60, np.uint8)
-    # The camera really looks 0.03 rad west of where it is said to: the blade shows to the east.
-    really = view_of(a_moment(gimbal_yaw_rad=math.pi / 2 + 0.03), SITE.turbine, Settings(), plain)
+    moment = a_moment(gimbal_yaw_rad=math.pi / 2 + turned_rad)
+    really = view_of(moment, SITE.turbine, Settings(), plain)
     picture = np.where(blade_mask(really) > 0, 170, 60)
     noisy = np.clip(np.random.default_rng(3).normal(picture, 4), 0, 255).astype(np.uint8)
-    jpeg = cv2.imencode(".jpg", noisy)[1].tobytes()
+    return cv2.imencode(".jpg", noisy)[1].tobytes()
+
+
+def test_the_picture_tells_how_far_beside_its_middle_the_blade_lies(tmp_path):
+    # The blade shows to the east.
+    jpeg = blade_turned_by(0.03)
     photo = store(jpeg, taken(), SITE, Settings(), tmp_path, a_moment())
     assert photo.beside_w == pytest.approx([0.03 * 12.2, 0.0, 0.0], abs=0.06)
     assert photo.record.aim_error == pytest.approx(0.03 * 12.2 / 4.6, abs=0.02)
